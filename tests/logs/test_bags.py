@@ -107,9 +107,8 @@ def test_two_topics_of_a_bag_are_joined_by_the_times_of_their_headers(bag):
 
 def test_a_bag_without_the_topic_lists_those_that_it_has(bag):
     request = ColumnRequest(["position.0"], topic="/joints")
-    with pytest.raises(
-        LogError, match=r"set rows\.topic to one of /joint_states, /tip"
-    ):
+    told = r"set rows\.topic to one of /joint_states, /tip"
+    with pytest.raises(LogError, match=told):
         read_table(bag, request)
 
 

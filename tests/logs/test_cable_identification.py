@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cable_parameters import straight_arm, wiring_of
 from simulated_logs import record, write_log  # type: ignore[import-not-found]
 
 from s2c2a.arm import ArmGeometry, ArmSpec, load_arm
@@ -19,7 +20,6 @@ from s2c2a.logs import (
     save_imported,
     summary,
 )
-from s2c2a.logs.cable_model import CableParameters, Wiring
 from s2c2a.logs.cable_search import FITTING, PARTS
 from s2c2a.logs.pipeline import COMPARING, READING
 from s2c2a.logs.rotation_changes import describe_rotations, other_readings
@@ -60,24 +60,14 @@ def recordings(tmp_path_factory):
 
 DRIVES = [f"d{drive}" for drive in range(6)]
 QUATERNION = 'quaternion = ["q0", "q1", "q2", "q3"]\norder = "xyzw"\n'
-MODEL = CableParameters(
-    np.deg2rad([0.0, 120.0, 240.0, 60.0, 180.0, 300.0]),
-    np.log(0.05),
-    np.zeros(6),
-    np.zeros(6),
-    np.log([0.12, 0.12]),
-    np.log(0.2),
-    0.0,
-    np.zeros(2),
-    np.zeros(3),
-)
+ANGLES_DEG = [(0.0, 120.0, 240.0), (60.0, 180.0, 300.0)]
+MODEL = straight_arm([0.12, 0.12], ANGLES_DEG, gain=np.log(0.05))
 
 
 def two_modules(tip="", drive=""):
     """Map of six drives [mm] and both ends."""
-    text = (
-        '[rows]\nkind = "steps"\n[arm]\nname = "two"\nmodules = 2\ncontrol_rate = 5\n'
-    )
+    text = '[rows]\nkind = "steps"\n'
+    text += '[arm]\nname = "two"\nmodules = 2\ncontrol_rate = 5\n'
     for name in DRIVES:
         text += f'[[drives]]\ncommanded = "{name}"\nunit = "mm"\n{drive}'
     text += '[[ends]]\nmodule = 0\nposition = ["a", "b", "c"]\nunit = "m"\n'
@@ -88,8 +78,7 @@ def two_modules(tip="", drive=""):
 def simulate(sign):
     """Wiring, drives [mm] and states of cables that are slack half of the time."""
     columns = np.random.default_rng(5).uniform(-15.0, 15.0, (600, 6))
-    reach = np.eye(2).repeat(3, axis=0)
-    wiring = Wiring(reach, np.arange(6), np.zeros(6), np.full(6, sign))
+    wiring = wiring_of(2, sign)
     states = model_fit.predict_states(MODEL, wiring, columns, tension=False)[1]
     return wiring, columns, states
 
@@ -97,10 +86,9 @@ def simulate(sign):
 def write_states(path, columns, states):
     ends = states[..., :3].reshape(600, 6)
     ends += np.random.default_rng(6).normal(0.0, 1e-3, ends.shape)
-    header = ",".join([*DRIVES, "a", "b", "c", "x", "y", "z"])
-    np.savetxt(
-        path, np.hstack([columns, ends]), "%.5f", ",", header=header, comments=""
-    )
+    header = ",".join([*DRIVES, *"abcxyz"])
+    table = np.hstack([columns, ends])
+    np.savetxt(path, table, "%.5f", ",", header=header, comments="")
     return path
 
 
@@ -109,9 +97,7 @@ def test_signs_that_all_drives_share_are_found(tmp_path, sign):
     _, columns, states = simulate(sign)
     path = write_states(tmp_path / "log.csv", columns, states)
     shown = []
-    imported = import_logs(
-        [path], two_modules(), progress=lambda *state: shown.append(state)
-    )
+    imported = import_logs([path], two_modules(), progress=lambda *s: shown.append(s))
     works = dict.fromkeys(work for work, _, _ in shown)
     assert list(works) == [READING, FITTING, COMPARING]
     parts = [done for work, done, _ in shown if work == FITTING]

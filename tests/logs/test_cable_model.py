@@ -4,31 +4,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from cable_parameters import straight_arm, wiring_of
 
 from s2c2a.logs import model_fit
-from s2c2a.logs.cable_model import (
-    CableParameters,
-    Wiring,
-    equilibrium_bends,
-    gravity_matrix,
-    tilt_rotation,
-)
+from s2c2a.logs.cable_model import equilibrium_bends, gravity_matrix, tilt_rotation
 from s2c2a.logs.model_fit import flatten, unflatten
 
 STIFFNESS = 0.5
-ANGLES = np.deg2rad([0.0, 120.0, 240.0])
-WIRING = Wiring(np.ones((3, 1)), np.arange(3), np.zeros(3), np.ones(3))
-PARAMETERS = CableParameters(
-    angles=ANGLES,
-    gain=np.array(0.0),
-    gains=np.zeros(3),
-    offsets=np.zeros(3),
-    lengths=np.log([0.1]),
-    stiffness=np.array(np.log(STIFFNESS)),
-    gravity=np.array(0.0),
-    tilt=np.zeros(2),
-    base=np.zeros(3),
-)
+WIRING = wiring_of(1)
+PARAMETERS = straight_arm([0.1], stiffness=np.array(np.log(STIFFNESS)))
 
 
 @pytest.fixture(autouse=True)

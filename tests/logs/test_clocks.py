@@ -39,13 +39,28 @@ def make_map(join="", drives=1, rows="", end=""):
     return map_from_toml(MAP.format(join=join, drives=text, rows=rows, end=end))
 
 
+def errors_of(clock, log):
+    """Errors of the converted times of the tip [s]."""
+    return clock.convert(log.tip.time) - log.truth
+
+
+def columns_of(names, values):
+    return dict(zip(names, values.T, strict=True))
+
+
+def motors_of(log, times=None):
+    """Table of the drives."""
+    times = log.drives.time if times is None else times
+    drives = columns_of([f"m{index}" for index in range(8)], log.drives.values)
+    return Table("motors", {"t": times} | drives, {})
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_offset_and_drift_of_an_arm_with_backlash_and_lag_are_within_5_ms(seed):
     log = two_clocks(seed)
     clock = estimate_clock(log.drives, log.tip)
-    errors = clock.convert(log.tip.time) - log.truth
-    assert np.abs(errors).max() < 0.005
+    assert np.abs(errors_of(clock, log)).max() < 0.005
     assert abs(clock.drift - 50e-6) < 4 * clock.drift_std
     assert 0 < clock.offset_std < 0.005
     assert 0 < clock.drift_std < 100e-6
@@ -56,7 +71,7 @@ def test_offset_and_drift_of_an_arm_with_backlash_and_lag_are_within_5_ms(seed):
 def test_deviations_are_honest_with_strong_backlash_and_lag(seed):
     log = two_clocks(seed, lag=0.12, backlash=0.15)
     clock = estimate_clock(log.drives, log.tip)
-    errors = clock.convert(log.tip.time) - log.truth
+    errors = errors_of(clock, log)
     assert np.abs(errors).max() < 0.007
     assert abs(np.median(errors)) < 3 * clock.offset_std
     assert abs(clock.drift - 50e-6) < 3 * clock.drift_std
@@ -71,23 +86,20 @@ def test_gaps_and_marker_jumps_do_not_move_the_clock():
     tip = log.tip.values.copy()
     tip[::50] += 0.3
     clock = estimate_clock(drives, TimedMotion(log.tip.time, tip))
-    errors = clock.convert(log.tip.time) - log.truth
-    assert np.abs(errors).max() < 0.01
+    assert np.abs(errors_of(clock, log)).max() < 0.01
 
 
 @pytest.mark.slow
 def test_files_with_clocks_since_1970_and_since_0_are_joined():
     log = two_clocks(5, offset=0.37)
     epoch = 1.7e9
-    drives = {f"m{index}": log.drives.values[:, index] for index in range(8)}
-    stamps = np.round((log.drives.time + epoch) * 1e9)
-    motors = Table("motors", {"t": stamps} | drives, {})
-    tip = dict(zip("xyz", log.tip.values.T, strict=True))
+    motors = motors_of(log, np.round((log.drives.time + epoch) * 1e9))
+    tip = columns_of("xyz", log.tip.values)
     camera = Table("camera", {"seconds": log.tip.time} | tip, {})
     log_map = make_map('times = ["t", "seconds"]\nunits = ["ns", "s"]', 8)
     take = build_take([motors, camera], log_map)
     (clock,) = take.clocks
-    assert np.abs(clock.convert(log.tip.time) - epoch - log.truth).max() < 0.005
+    assert np.abs(errors_of(clock, log) - epoch).max() < 0.005
     expected = np.interp(log.drives.time, log.truth, log.tip.values[:, 0])
     known = np.isfinite(take.positions[:, 0, 0])
     assert known.mean() > 0.98
@@ -100,18 +112,12 @@ def test_files_with_clocks_since_1970_and_since_0_are_joined():
 @pytest.mark.slow
 def test_a_base_that_moves_does_not_move_the_clock():
     log = two_clocks(5, offset=0.37)
-    drives = {f"m{index}": log.drives.values[:, index] for index in range(8)}
-    motors = Table("motors", {"t": log.drives.time} | drives, {})
     angles = 0.8 * np.sin(0.9 * log.tip.time)
     base = 2.0 * np.stack([angles, np.cos(angles), 0.5 * angles], axis=1)
     turns = Rotation.from_euler("y", angles[:, None])
-    columns = {"t": log.tip.time}
-    for names, values in (
-        ("xyz", turns.apply(log.tip.values) + base),
-        ("XYZ", base),
-        ("ABCD", turns.as_quat()),
-    ):
-        columns |= dict(zip(names, values.T, strict=True))
+    tip = turns.apply(log.tip.values) + base
+    values = np.hstack([log.tip.time[:, None], tip, base, turns.as_quat()])
+    camera = Table("camera", columns_of("txyzXYZABCD", values), {})
     body = """
 [frame.body]
 position = ["X", "Y", "Z"]
@@ -120,16 +126,15 @@ quaternion = ["A", "B", "C", "D"]
 order = "xyzw"
 """
     log_map = make_map('times = ["t", "t"]', 8, end=body)
-    (clock,) = build_take([motors, Table("camera", columns, {})], log_map).clocks
-    assert np.abs(clock.convert(log.tip.time) - log.truth).max() < 0.005
+    (clock,) = build_take([motors_of(log), camera], log_map).clocks
+    assert np.abs(errors_of(clock, log)).max() < 0.005
 
 
 def test_stamps_and_times_since_1970_are_joined_by_their_own_units():
     """Stamps are seconds, whatever the unit of other files; the size tells that of times."""
     times = np.arange(20.0)
     stamped = Table("a", {"t": 1.7e9 + times, "m0": times}, {}, stamps=frozenset("t"))
-    rotations = np.tile(np.eye(3).reshape(-1), (20, 1))
-    rotation = {f"r{index}": rotations[:, index] for index in range(9)}
+    rotation = {f"r{k}": np.full(20, v) for k, v in enumerate(np.eye(3).flat)}
     tip = {"x": 2 * times, "y": times, "z": times}
     camera = Table("b", {"ns": (1.7e9 + times) * 1e9} | tip | rotation, {})
     names = ", ".join(f'"r{index}"' for index in range(9))
@@ -169,9 +174,8 @@ def test_columns_are_interpolated_within_the_longest_gap_and_rotations_on_the_ar
     motors = Table("motors", {"t": np.array([10.5, 12.5]), "m0": np.zeros(2)}, {})
     turns = Rotation.from_euler("z", [[0.0], [90.0], [90.0]], degrees=True).as_quat()
     turns[1] *= -1  # the same rotation
-    camera = {"t": np.array([0.0, 1.0, 4.0])}
-    camera |= dict(zip("abcd", turns.T, strict=True))
-    camera |= {name: np.array([0.0, 1.0, 2.0]) for name in "xyz"}
+    camera = {"t": np.array([0.0, 1.0, 4.0])} | columns_of("abcd", turns)
+    camera |= dict.fromkeys("xyz", np.arange(3.0))
     take = build_take([motors, Table("camera", camera, {})], log_map)
     np.testing.assert_allclose(take.positions[0, 0], 0.5)
     np.testing.assert_allclose(take.axes[0, 0], [0.5**0.5, 0.5**0.5, 0], atol=1e-9)

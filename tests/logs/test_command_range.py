@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from s2c2a.arm import ArmGeometry, load_arm
+from s2c2a.arm import ArmGeometry, ArmSpec, load_arm
 from s2c2a.episodes import Episode
 from s2c2a.logs.command_range import describe_range, range_lines, rate_lines
 
@@ -77,21 +77,15 @@ def test_rows_beyond_the_range_and_beyond_plans_are_named():
 
 def test_commands_that_bend_more_than_plans_may_are_named():
     travel = float(ArmGeometry.of(TWIN).action_high.max())
-    modules = tuple(
-        module.model_copy(
-            update={
-                "bend_limit_deg": 5.0,
-                "cable": module.cable.model_copy(update={"travel": travel}),
-            }
-        )
-        for module in TWIN.modules
-    )
-    arm = TWIN.model_copy(update={"modules": modules})
+    modules = [module.model_dump() for module in TWIN.modules]
+    for module in modules:
+        module["bend_limit_deg"] = 5.0
+        module["cable"]["travel"] = travel
+    arm = ArmSpec.model_validate(TWIN.model_dump() | {"modules": modules})
     shares = np.zeros((4, 3, 2))
     shares[0, 1, 0] = 1.0
     actions = ArmGeometry.of(arm).actions_at(shares)
-    (line,) = describe_range(
-        [Episode(arm, {"time": np.arange(4.0), "actions": actions})]
-    )
+    episode = Episode(arm, {"time": np.arange(4.0), "actions": actions})
+    (line,) = describe_range([episode])
     assert line.startswith("range: 25 % of the steps have commands that hold larger")
     assert "bend_limit_deg" in line

@@ -100,9 +100,8 @@ def test_units_that_resemble_levers_show_where_modules_are_stated():
 def test_of_two_drives_in_different_units_both_are_named():
     columns, states = motion(drives=2)
     columns[:, 0] *= 180 / np.pi
-    sentence, factors = foreign_units(
-        observe(columns, states), log_map(unit="rad", drives=2)
-    )
+    seen = observe(columns, states)
+    sentence, factors = foreign_units(seen, log_map(unit="rad", drives=2))
     assert len(factors) == 2
     assert "'c0', 'c1' differ; the log does not tell which is wrong" in sentence
 

@@ -84,37 +84,36 @@ def bends_of(kind: Kind) -> np.ndarray:
     return bends
 
 
-def import_kind(folder, kind: Kind, ends: str, coordinates=None, head: str = HEAD):
+def both_ends(states):
+    return {
+        f"{axis}{module}": states[:, module, k]
+        for module in range(2)
+        for k, axis in enumerate("xyz")
+    }
+
+
+def import_kind(folder, kind, ends, coordinates=both_ends, head=HEAD):
     bends = bends_of(kind)
     states = np.asarray(states_from_bends(bends, LENGTHS))
     columns = kind.columns(bends)
-    if coordinates is None:
-        coordinates = {
-            f"{axis}{module}": states[:, module, k]
-            for module in range(2)
-            for k, axis in enumerate("xyz")
-        }
-    else:
-        coordinates = coordinates(states)
-    table = columns | coordinates
+    table = columns | coordinates(states)
     path = folder / "log.csv"
     rows = np.stack(list(table.values()), axis=1)
     np.savetxt(path, rows, "%.9g", ",", header=",".join(table), comments="")
     return import_logs([path], map_from_toml(head + kind.map + ends))
 
 
+IMAGE = END.format(1, ["u", "v"]) + 'euler = ["angle"]\nsequence = "z"\n'
 SPATIAL = "".join(END.format(m, [f"{axis}{m}" for axis in "xyz"]) for m in range(2))
 
 
 @pytest.mark.parametrize("kind", slow_after(1, [MIXED, PASSIVE, PRESSURE]))
 def test_angles_of_all_cables_are_identified(tmp_path, kind):
-    imported = import_kind(
-        tmp_path, kind, SPATIAL + '[frame]\nalong = "z"\nx = "x"\nbase = [0, 0, 0]\n'
-    )
+    frame = '[frame]\nalong = "z"\nx = "x"\nbase = [0, 0, 0]\n'
+    imported = import_kind(tmp_path, kind, SPATIAL + frame)
     assert imported.residual < 1e-3
-    assert imported.arm.actuation == (
-        "pressure" if kind is PRESSURE else "displacement"
-    )
+    actuation = "pressure" if kind is PRESSURE else "displacement"
+    assert imported.arm.actuation == actuation
     for module, angles in zip(imported.arm.modules, kind.angles_deg, strict=True):
         found = np.sort((np.array(module.cable_angles_deg) + 5.0) % 360.0) - 5.0
         np.testing.assert_allclose(found, angles, atol=2.0)
@@ -140,13 +139,7 @@ def test_an_image_shows_a_planar_arm(tmp_path):
         angle = np.rad2deg(np.arctan2(-tip[:, 5], tip[:, 3]))
         return {"u": 0.3 + tip[:, 0], "v": 0.4 - tip[:, 2], "angle": angle}
 
-    end = END.format(1, ["u", "v"])
-    imported = import_kind(
-        tmp_path,
-        PLANAR,
-        f'{end}euler = ["angle"]\nsequence = "z"\nalong = "x"',
-        in_image,
-    )
+    imported = import_kind(tmp_path, PLANAR, IMAGE + 'along = "x"', in_image)
     assert imported.residual < 1e-3
     np.testing.assert_allclose(imported.rig.base, [0.3, 0.4, 0.0], atol=2e-3)
     np.testing.assert_allclose(imported.rig.axes[2], [0.0, -1.0, 0.0], atol=0.02)
@@ -167,9 +160,8 @@ def test_pressures_push_and_all_drives_are_alike(change, message):
 
 
 def test_an_angle_in_a_plane_needs_the_direction_along_the_arm():
-    end = END.format(1, ["u", "v"]) + 'euler = ["angle"]\nsequence = "z"'
     with pytest.raises(LogError, match="state along"):
-        map_from_toml(HEAD + PLANAR.map + end)
+        map_from_toml(HEAD + PLANAR.map + IMAGE)
 
 
 def test_stated_angles_count_from_an_unknown_x():

@@ -42,7 +42,7 @@ def take_of(path, text):
     return take
 
 
-def check_same(log, path, text=None, exact=True):
+def check_same(log, path, text=None):
     """The file is the take of the plain log."""
     simulated, _ = log
     expected = take_of(simulated.path, simulated.map)
@@ -51,9 +51,7 @@ def check_same(log, path, text=None, exact=True):
         take.time - take.time[0], expected.time - expected.time[0], atol=1e-6
     )
     for name in ("commanded", "measured", "positions"):
-        found = getattr(take, name)
-        tolerance = 0.0 if exact else 1e-12
-        np.testing.assert_allclose(found, getattr(expected, name), rtol=tolerance)
+        np.testing.assert_array_equal(getattr(take, name), getattr(expected, name))
 
 
 def delimited(columns, delimiter, header=True, comma=False):
@@ -87,65 +85,54 @@ TEXTS = {
 
 
 @pytest.mark.parametrize("form", TEXTS)
-def test_text_of_every_kind_is_the_same_take(log, tmp_path, form):
-    content = TEXTS[form](log[1])
-    path = tmp_path / "log.csv"
-    path.write_bytes(content if isinstance(content, bytes) else content.encode())
-    check_same(log, path)
+def test_text_of_every_kind_is_the_same_take(log, written, form):
+    check_same(log, written(TEXTS[form](log[1])))
 
 
 @pytest.mark.parametrize("comma", [False, True])
 @pytest.mark.parametrize("delimiter", [",", ";", "\t", "|", "  "])
-def test_columns_without_header_are_numbered(log, tmp_path, delimiter, comma):
+def test_columns_without_header_are_numbered(log, written, delimiter, comma):
     simulated, columns = log
-    path = tmp_path / "log.txt"
     is_comma = comma and delimiter != ","
-    path.write_text(delimited(columns, delimiter, header=False, comma=is_comma))
-    check_same(log, path, numbered(simulated.map, columns))
+    text = delimited(columns, delimiter, header=False, comma=is_comma)
+    check_same(log, written(text), numbered(simulated.map, columns))
+
+
+def timed(columns, times):
+    """Lines of a log with other times."""
+    head, *rows = delimited(columns, ",").splitlines()
+    others = [row.partition(",")[2] for row in rows]
+    return [head, *(f"{t},{rest}" for t, rest in zip(times, others, strict=True))]
 
 
 @pytest.mark.parametrize("zone", ["", "+00:00", "Z"])
 @pytest.mark.parametrize("has_header", [False, True])
-def test_time_stamps_are_read(log, tmp_path, zone, has_header):
+def test_time_stamps_are_read(log, written, zone, has_header):
     simulated, columns = log
     stamps = [
         datetime.fromtimestamp(EPOCH + t, UTC).replace(tzinfo=None).isoformat() + zone
         for t in columns["t"]
     ]
-    lines = delimited(columns, ",").splitlines()
-    rows = [
-        f"{t},{line.partition(',')[2]}"
-        for t, line in zip(stamps, lines[1:], strict=True)
-    ]
-    path = tmp_path / "log.csv"
-    path.write_text("\n".join([lines[0]] * has_header + rows))
+    lines = timed(columns, stamps)
     text = simulated.map if has_header else numbered(simulated.map, columns)
-    check_same(log, path, text)
+    check_same(log, written("\n".join(lines[not has_header :])), text)
 
 
 @pytest.mark.parametrize("unit", ["s", "ms", "us", "ns"])
 @pytest.mark.parametrize("is_stated", [False, True])
-def test_times_since_1970_are_read_in_any_unit(log, tmp_path, unit, is_stated):
+def test_times_since_1970_are_read_in_any_unit(log, written, unit, is_stated):
     simulated, columns = log
     factor = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}[unit]
-    lines = delimited(columns, ",").splitlines()
-    rows = [
-        f"{(EPOCH * 10 + round(10 * t)) * factor / 10:.1f},{line.partition(',')[2]}"
-        for t, line in zip(columns["t"], lines[1:], strict=True)
-    ]
-    path = tmp_path / "log.csv"
-    path.write_text("\n".join([lines[0], *rows]))
+    times = [f"{(EPOCH * 10 + round(10 * t)) * factor / 10:.1f}" for t in columns["t"]]
     stated = f'time = "t"\nunit = "{unit}"'
     text = simulated.map.replace('time = "t"', stated) if is_stated else simulated.map
-    check_same(log, path, text)
+    check_same(log, written("\n".join(timed(columns, times))), text)
 
 
-def test_a_column_of_numbers_and_time_stamps_is_refused(log, tmp_path):
+def test_a_column_of_numbers_and_time_stamps_is_refused(log, written):
     simulated, columns = log
-    lines = delimited(columns, ",").splitlines()
-    lines[3] = "2026-01-01T00:00:00," + lines[3].partition(",")[2]
-    path = tmp_path / "log.csv"
-    path.write_text("\n".join(lines))
+    times = ["2026-01-01T00:00:00", *columns["t"][1:]]
+    path = written("\n".join(timed(columns, times)))
     with pytest.raises(LogError, match="'t' has both numbers and time stamps"):
         take_of(path, simulated.map)
 
@@ -163,29 +150,30 @@ def json_rows(columns):
 
 def nested(text):
     """Map of a log with nested names."""
-    for index in range(9):
-        text = text.replace(f'"c{index}"', f'"c.{index}"')
-        text = text.replace(f'"m{index}"', f'"m.{index}"')
+    text = re.sub(r'"([cm])(\d)"', r'"\1.\2"', text)
+    return with_tip(text, "pose.position.{0}")
+
+
+def with_tip(text, names):
+    """Map whose tip has other columns."""
     for axis in "xyz":
-        text = text.replace(f'"{axis}2"', f'"pose.position.{axis}"')
+        text = text.replace(f'"{axis}2"', f'"{names.format(axis, axis.upper())}"')
     return text
 
 
 @pytest.mark.parametrize("ending", ["jsonl", "ndjson", "json", "jsonl.gz"])
-def test_json_lines_are_the_same_take(log, tmp_path, ending):
+def test_json_lines_are_the_same_take(log, written, ending):
     simulated, columns = log
     content = "\n".join(map(json.dumps, json_rows(columns))).encode()
-    path = tmp_path / f"log.{ending}"
-    path.write_bytes(gzip.compress(content) if ending.endswith("gz") else content)
-    check_same(log, path, nested(simulated.map))
+    packed = gzip.compress(content) if ending.endswith("gz") else content
+    check_same(log, written(packed, f"log.{ending}"), nested(simulated.map))
 
 
-def test_broken_json_is_refused_with_its_line_or_a_gap(log, tmp_path):
+def test_broken_json_is_refused_with_its_line_or_a_gap(log, written):
     simulated, columns = log
     lines = list(map(json.dumps, json_rows(columns)))
     lines[4] = lines[4][:-9]
-    path = tmp_path / "log.jsonl"
-    path.write_text("\n".join(lines))
+    path = written("\n".join(lines), "log.jsonl")
     text = nested(simulated.map)
     with pytest.raises(LogError, match="line 5, it is not one complete JSON object"):
         take_of(path, text)
@@ -193,9 +181,15 @@ def test_broken_json_is_refused_with_its_line_or_a_gap(log, tmp_path):
     assert take_of(path, allowed).broken_rows == 1
 
 
-def test_an_export_of_motive_is_the_same_take(log, tmp_path):
-    simulated, columns = log
+def motors_of(columns, first):
+    """Text of the drives alone, by frame."""
+    frames = {"Frame": first + np.arange(len(columns["t"]), dtype=float)}
     drives = {name: columns[name] for name in columns if name[0] in "cm"}
+    return delimited(frames | drives, ";")
+
+
+def test_an_export_of_motive_is_the_same_take(log, written):
+    simulated, columns = log
     kinds = ["Rotation"] * 4 + ["Position"] * 3 + ["Mean Marker Error"]
     tip = [columns[f"{axis}2"] for axis in "xyz"]
     text = MOTIVE
@@ -207,19 +201,15 @@ def test_an_export_of_motive_is_the_same_take(log, tmp_path):
         place = ",".join(repr(float(value)) for value in position)
         time = float(columns["t"][frame])
         text += f"{frame},{time!r},0,0,0,1,{place},0.0001,{place}\n"
-    (tmp_path / "motive.csv").write_text(text)
-    motors = {"Frame": np.arange(len(columns["t"]), dtype=float)} | drives
-    (tmp_path / "motors.csv").write_text("by hand\n" + delimited(motors, ";"))
+    motors = "by hand\n" + motors_of(columns, 0)
+    paths = [written(text, "motive.csv"), written(motors, "motors.csv")]
     changed = simulated.map.replace('time = "t"', 'time = "Time (Seconds)"')
     changed = changed.replace(
         "[arm]", 'skip_lines = [0, 1]\n[join]\nkey = "Frame"\n[arm]'
     )
-    paths = [tmp_path / "motive.csv", tmp_path / "motors.csv"]
     expected = take_of(simulated.path, simulated.map)
     for name in ("end.Position", "tip"):
-        named = changed
-        for axis in "xyz":
-            named = named.replace(f'"{axis}2"', f'"{name}.{axis.upper()}"')
+        named = with_tip(changed, name + ".{1}")
         (take,) = _read_takes(paths, map_from_toml(named))
         np.testing.assert_array_equal(take.positions, expected.positions)
         np.testing.assert_array_equal(take.measured, expected.measured)
@@ -228,11 +218,10 @@ def test_an_export_of_motive_is_the_same_take(log, tmp_path):
         _read_takes(paths, map_from_toml(named.replace('"m"\n', '"mm"\n')))
 
 
-def qualisys(columns, has_times, has_names=True):
+def qualisys(columns, has_times):
     """Export of two markers, the second of which is the tip, at 10 Hz."""
     text = "NO_OF_FRAMES\t60\nNO_OF_MARKERS\t2\nFREQUENCY\t10\nDATA_INCLUDED\t3D\n"
-    if has_names:
-        text += "MARKER_NAMES\tbase\ttip\n"
+    text += "MARKER_NAMES\tbase\ttip\n"
     if has_times:
         text += "Frame\tTime\tbase X\tbase Y\tbase Z\ttip X\ttip Y\ttip Z\n"
     for frame in range(len(columns["t"])):
@@ -243,32 +232,28 @@ def qualisys(columns, has_times, has_names=True):
 
 
 @pytest.mark.parametrize("has_times", [False, True])
-def test_an_export_of_qualisys_is_the_same_take(log, tmp_path, has_times):
+def test_an_export_of_qualisys_is_the_same_take(log, written, has_times):
     simulated, columns = log
-    (tmp_path / "qtm.tsv").write_text(qualisys(columns, has_times))
-    frames = np.arange(1.0, len(columns["t"]) + 1)
-    motors = {"Frame": frames} | {
-        key: columns[key] for key in columns if key[0] in "cm"
-    }
-    (tmp_path / "motors.csv").write_text(delimited(motors, ","))
+    paths = [
+        written(qualisys(columns, has_times), "qtm.tsv"),
+        written(motors_of(columns, 1), "motors.csv"),
+    ]
     changed = simulated.map.replace('time = "t"', 'time = "Time"')
     changed = changed.replace("[arm]", '[join]\nkey = "Frame"\n[arm]')
-    for axis in "xyz":
-        changed = changed.replace(f'"{axis}2"', f'"tip.{axis.upper()}"')
-    paths = [tmp_path / "qtm.tsv", tmp_path / "motors.csv"]
+    changed = with_tip(changed, "tip.{1}")
     with pytest.raises(LogError, match="in mm, and the map m"):
         _read_takes(paths, map_from_toml(changed))
     changed = changed.replace('unit = "m"', 'unit = "mm"')
     (take,) = _read_takes(paths, map_from_toml(changed))
     expected = take_of(simulated.path, simulated.map)
     np.testing.assert_allclose(take.positions, expected.positions, rtol=1e-12)
-    np.testing.assert_allclose(take.time, 0.1 * (frames - 1), atol=1e-9)
+    np.testing.assert_allclose(take.time, 0.1 * np.arange(len(take)), atol=1e-9)
     lost = changed.replace('"tip.', '"base.')
     (take,) = _read_takes(paths, map_from_toml(lost))
     assert np.isnan(take.positions).all()
 
 
-def test_bodies_of_qualisys_have_rotation_matrices(tmp_path):
+def test_bodies_of_qualisys_have_rotation_matrices(written):
     names = "\t".join(["X", "Y", "Z", "Roll", "Pitch", "Yaw", "Residual"])
     names += "".join(f"\tRot[{index}]" for index in range(9))
     text = "NO_OF_FRAMES\t60\nFREQUENCY\t10\nDATA_INCLUDED\t6D\nBODY_NAMES\ta\tb\n"
@@ -277,12 +262,10 @@ def test_bodies_of_qualisys_have_rotation_matrices(tmp_path):
     row = "1\t2\t3\t90\t0\t0\t0.1\t1\t0\t0\t0\t0\t1\t0\t-1\t0"
     for frame in range(3):
         text += f"{frame + 1}\t{frame / 10}\t\t{row}\t\t{row}\n"
-    path = tmp_path / "qtm.tsv"
-    path.write_text(text)
     order = [0, 3, 6, 1, 4, 7, 2, 5, 8]
     matrix = [f"b.Rot[{index}]" for index in order]
     take = take_of(
-        path,
+        written(text, "qtm.tsv"),
         '[rows]\nkind = "timed"\ntime = "Time"\n[arm]\nname = "a"\nmodules = 1\n'
         'control_rate = 10\n[[drives]]\nmeasured = "a.X"\nunit = "cm"\nscale = 2\n'
         '[[ends]]\nposition = ["b.X", "b.Y", "b.Z"]\nunit = "mm"\n'
@@ -302,9 +285,8 @@ def test_bodies_of_qualisys_have_rotation_matrices(tmp_path):
         ("log.ods", "export as CSV"),
     ],
 )
-def test_what_is_not_read_is_named_with_the_way_out(log, tmp_path, name, way_out):
-    path = tmp_path / name
-    path.write_bytes(b"\x00\x01")
+def test_what_is_not_read_is_named_with_the_way_out(log, written, name, way_out):
+    path = written(b"\x00\x01", name)
     with pytest.raises(LogError, match=way_out):
         take_of(path, log[0].map)
 
@@ -317,23 +299,21 @@ def test_lines_to_skip_are_one_for_each_joined_file(log):
 
 def write_sheet(path, columns, times):
     book = openpyxl.Workbook()
-    sheet = book.active
-    sheet.append(list(columns))
+    book.active.append(list(columns))
     for time, values in zip(times, zip(*columns.values(), strict=True), strict=True):
-        sheet.append([time, *map(float, values[1:])])
+        book.active.append([time, *map(float, values[1:])])
     book.save(path)
 
 
 @pytest.mark.parametrize("has_stamps", [False, True])
 def test_sheets_are_the_same_take(log, tmp_path, has_stamps):
-    _, columns = log
+    simulated, columns = log
     times = columns["t"].tolist()
     if has_stamps:
-        times = [datetime.fromtimestamp(EPOCH + t, UTC) for t in times]
-        times = [time.replace(tzinfo=None) for time in times]
+        stamps = [datetime.fromtimestamp(EPOCH + t, UTC) for t in times]
+        times = [stamp.replace(tzinfo=None) for stamp in stamps]
     path = tmp_path / "log.xlsx"
     write_sheet(path, columns, times)
-    simulated, _ = log
     expected = take_of(simulated.path, simulated.map)
     take = take_of(path, simulated.map)
     np.testing.assert_array_equal(take.positions, expected.positions)
@@ -366,15 +346,13 @@ def test_parquet_with_dots_in_its_names_is_the_same_take(log, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["log.xlsx", "log.parquet"])
-def test_without_the_extra_the_way_out_names_it(tmp_path, monkeypatch, name):
-    path = tmp_path / name
-    path.write_bytes(b"PK")
+def test_without_the_extra_the_way_out_names_it(written, monkeypatch, name):
     for module in ("openpyxl", "pyarrow.parquet"):
         monkeypatch.setitem(sys.modules, module, None)
     form = {"log.xlsx": "XLSX", "log.parquet": "Parquet"}[name]
     told = f'{form}: export as CSV, or install the extra: pip install "s2c2a[tables]"'
     with pytest.raises(LogError, match=re.escape(told)):
-        read_here(path, ColumnRequest(["a"]))
+        read_here(written(b"PK", name), ColumnRequest(["a"]))
 
 
 @pytest.mark.parametrize("ending", ["xlsx", "parquet"])
@@ -413,14 +391,12 @@ NEXUS = """
 
 
 @pytest.fixture
-def nexus(tmp_path):
+def nexus(written):
     """Values of motors, and an ASCII export of Vicon Nexus; neither has names."""
-    motors = tmp_path / "motors.csv"
-    motors.write_text("1.0,2.0\n1.01,4.0\n")
-    ends = tmp_path / "nexus.csv"
     names = "Trajectories\n100\n,,Arm:tip,,\nFrame,Sub Frame,X,Y,Z\n,,mm,mm,mm\n"
-    ends.write_text(f"{names}100,0,10,20,300\n101,0,11,21,299\n")
-    return motors, ends
+    ends = f"{names}100,0,10,20,300\n101,0,11,21,299\n"
+    motors = written("1.0,2.0\n1.01,4.0\n", "motors.csv")
+    return motors, written(ends, "nexus.csv")
 
 
 def test_files_without_names_stand_side_by_side(nexus):

@@ -15,20 +15,16 @@ from s2c2a.logs.tables import ColumnRequest
 AB = ColumnRequest(["a", "b"])
 
 
-@pytest.fixture
-def written(tmp_path):
-    """Function that writes a file and returns its path."""
+@pytest.fixture(params=["npz", "mat"])
+def stored(request, tmp_path):
+    """Function that stores arrays in a file of either form, and returns its path."""
 
-    def write(content, name="log.csv"):
-        path = tmp_path / name
-        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    def store(values):
+        path = tmp_path / f"log.{request.param}"
+        np.savez(path, **values) if path.suffix == ".npz" else savemat(path, values)
         return path
 
-    return write
-
-
-def write_arrays(path, values):
-    np.savez(path, **values) if path.suffix == ".npz" else savemat(path, values)
+    return store
 
 
 @pytest.mark.parametrize(
@@ -41,16 +37,13 @@ def write_arrays(path, values):
     ],
 )
 def test_a_table_is_read_with_any_marks_quotes_and_line_ends(written, content):
-    table = read_table(written(content), AB)
-    np.testing.assert_array_equal(
-        [table.numbers["a"], table.numbers["b"]], [[1.5, -3], [2, 0.4]]
-    )
+    numbers = read_table(written(content), AB).numbers
+    np.testing.assert_array_equal([numbers["a"], numbers["b"]], [[1.5, -3], [2, 0.4]])
 
 
 def test_blank_cells_are_nan_and_labels_stay_text(written):
-    table = read_table(
-        written("a,b,what\n1,,up\nNaN,n/a,down\n"), ColumnRequest(["a", "b"], ["what"])
-    )
+    path = written("a,b,what\n1,,up\nNaN,n/a,down\n")
+    table = read_table(path, ColumnRequest(["a", "b"], ["what"]))
     np.testing.assert_array_equal(table.numbers["b"], [np.nan, np.nan])
     assert list(table.labels["what"]) == ["up", "down"]
 
@@ -69,11 +62,10 @@ def test_blank_cells_are_nan_and_labels_stay_text(written):
 def test_a_broken_row_is_an_error_with_line_and_column_or_a_gap(
     written, content, place
 ):
+    path = written(content)
     with pytest.raises(LogError, match=place):
-        read_table(written(content), AB)
-    table = read_table(
-        written(content), ColumnRequest(["a", "b"], allow_broken_rows=True)
-    )
+        read_table(path, AB)
+    table = read_table(path, ColumnRequest(["a", "b"], allow_broken_rows=True))
     assert table.broken_rows == 1
     assert np.isnan(table.numbers["a"][-1])
 
@@ -96,53 +88,35 @@ def test_a_file_without_a_table_is_an_error(written, content):
 
 def test_skipped_lines_are_named_where_the_header_was_among_them(written):
     request = ColumnRequest(["a"], skip_lines=1)
-    with pytest.raises(
-        LogError, match=r"below the 1 lines that rows\.skip_lines skips"
-    ):
+    told = r"below the 1 lines that rows\.skip_lines skips"
+    with pytest.raises(LogError, match=told):
         read_table(written("a,b\n1,2\n3,4\n"), request)
 
 
-@pytest.mark.parametrize("ending", ["npz", "mat"])
-def test_arrays_are_columns_by_name_and_number(tmp_path, ending):
-    values = {"a": np.arange(3.0), "p": np.arange(6.0).reshape(3, 2)}
-    path = tmp_path / f"log.{ending}"
-    write_arrays(path, values)
-    table = read_table(path, ColumnRequest(["a", "p.1"]))
+def test_arrays_are_columns_by_name_and_number(stored):
+    path = stored({"a": np.arange(3.0), "p": np.arange(6.0).reshape(3, 2)})
+    numbers = read_table(path, ColumnRequest(["a", "p.1"])).numbers
     np.testing.assert_array_equal(
-        [table.numbers["a"], table.numbers["p.1"]], [[0, 1, 2], [1, 3, 5]]
+        [numbers["a"], numbers["p.1"]], [[0, 1, 2], [1, 3, 5]]
     )
 
 
-@pytest.mark.parametrize("ending", ["npz", "mat"])
 @pytest.mark.parametrize("shape", [(0,), (0, 0), (0, 3), (3, 0)])
-def test_an_array_without_values_beside_the_columns_is_left_out(
-    tmp_path, ending, shape
-):
-    values = {"a": np.arange(3.0), "notes": np.zeros(shape)}
-    path = tmp_path / f"log.{ending}"
-    write_arrays(path, values)
-    table = read_table(path, AB)
+def test_an_array_without_values_beside_the_columns_is_left_out(stored, shape):
+    table = read_table(stored({"a": np.arange(3.0), "notes": np.zeros(shape)}), AB)
     assert list(table.numbers) == ["a"]
     assert len(table) == 3
 
 
-@pytest.mark.parametrize("ending", ["csv", "npz", "mat"])
-def test_infinite_values_are_missing_whatever_the_format(tmp_path, ending):
-    values = {"a": np.array([1.0, np.inf, -np.inf, np.nan])}
-    path = tmp_path / f"log.{ending}"
-    if ending == "csv":
-        path.write_text("a\n1\ninf\n-inf\nnan\n")
-    else:
-        write_arrays(path, values)
-    numbers = read_table(path, AB).numbers["a"]
-    np.testing.assert_array_equal(numbers, [1.0, np.nan, np.nan, np.nan])
+def test_infinite_values_are_missing_whatever_the_format(stored, written):
+    array = stored({"a": np.array([1.0, np.inf, -np.inf, np.nan])})
+    for path in (array, written("a\n1\ninf\n-inf\nnan\n")):
+        numbers = read_table(path, AB).numbers["a"]
+        np.testing.assert_array_equal(numbers, [1.0, np.nan, np.nan, np.nan])
 
 
-@pytest.mark.parametrize("ending", ["npz", "mat"])
-def test_text_where_numbers_are_expected_is_an_error_with_its_column(tmp_path, ending):
-    path = tmp_path / f"log.{ending}"
-    values = {"a": np.array(["up", "down"]), "b": np.arange(2.0)}
-    write_arrays(path, values)
+def test_text_where_numbers_are_expected_is_an_error_with_its_column(stored):
+    path = stored({"a": np.array(["up", "down"]), "b": np.arange(2.0)})
     with pytest.raises(LogError, match="column 'a' holds text"):
         read_table(path, AB)
 
@@ -205,7 +179,6 @@ def test_damaged_files_are_errors(tmp_path, ending):
     assert errors > count / 8
 
 
-@pytest.mark.parametrize("ending", ["npz", "mat"])
 @pytest.mark.parametrize(
     "values",
     [
@@ -216,17 +189,14 @@ def test_damaged_files_are_errors(tmp_path, ending):
         {"p": np.arange(15.0).reshape(5, 3).T},
     ],
 )
-def test_arrays_of_channels_by_samples_are_transposed(tmp_path, ending, values):
-    path = tmp_path / f"log.{ending}"
-    write_arrays(path, values)
+def test_arrays_of_channels_by_samples_are_transposed(stored, values):
     names = ["t", "u.0", "p.0", "p.1", "p.2"]
-    numbers = read_table(path, ColumnRequest(names)).numbers
+    numbers = read_table(stored(values), ColumnRequest(names)).numbers
     np.testing.assert_array_equal(numbers["p.1"], [1, 4, 7, 10, 13])
 
 
-def test_an_array_that_may_be_read_in_two_ways_is_refused_with_the_way_out(tmp_path):
-    path = tmp_path / "log.npz"
-    np.savez(path, p=np.zeros((3, 5)))
+def test_an_array_that_may_be_read_in_two_ways_is_refused_with_the_way_out(stored):
+    path = stored({"p": np.zeros((3, 5))})
     with pytest.raises(LogError, match=r"'p' is 3 x 5, .* such as p = p\.'"):
         read_table(path, ColumnRequest(["p.0", "p.1"]))
 
@@ -234,11 +204,9 @@ def test_an_array_that_may_be_read_in_two_ways_is_refused_with_the_way_out(tmp_p
 @pytest.mark.parametrize("delimiter", [",", ";", "\t", "  "])
 def test_more_cells_than_names_are_an_error_with_the_line(written, delimiter):
     """The columns of such rows may have shifted."""
-    rows = ["a,b", "1,2,3,4", "5,6,7,8"]
-    text = "\n".join(rows).replace(",", delimiter)
-    with pytest.raises(
-        LogError, match="line 2, it has 4 cells, and the header 2 names"
-    ):
+    text = "a,b\n1,2,3,4\n5,6,7,8".replace(",", delimiter)
+    told = "line 2, it has 4 cells, and the header 2 names"
+    with pytest.raises(LogError, match=told):
         read_table(written(text), AB)
 
 

@@ -26,7 +26,7 @@ def mat(values: dict, **options) -> bytes:
 
 
 @pytest.mark.parametrize("is_compressed", [False, True])
-def test_arrays_are_those_that_scipy_reads(tmp_path, is_compressed):
+def test_arrays_are_those_that_scipy_reads(written, is_compressed):
     values = {f"of_{kind.replace('?', 'b')}": array for kind, array in VALUES.items()}
     values |= {
         "a": 3.5,
@@ -38,8 +38,7 @@ def test_arrays_are_those_that_scipy_reads(tmp_path, is_compressed):
         "struct": {"a": 1},
         "complex": np.array([1j]),
     }
-    path = tmp_path / "log.mat"
-    path.write_bytes(mat(values, do_compression=is_compressed))
+    path = written(mat(values, do_compression=is_compressed), "log.mat")
     ours = read_mat_arrays(path)
     theirs = loadmat(path)
     assert set(values) - set(ours) == {"cell", "struct", "complex"}
@@ -53,7 +52,7 @@ def test_arrays_are_those_that_scipy_reads(tmp_path, is_compressed):
         np.testing.assert_array_equal(array, expected)
 
 
-def test_a_file_of_a_big_endian_computer_is_read(tmp_path):
+def test_a_file_of_a_big_endian_computer_is_read(written):
     def element(kind: int, content: bytes) -> bytes:
         padding = b"\0" * (-len(content) % 8)
         return struct.pack(">II", kind, len(content)) + content + padding
@@ -65,10 +64,8 @@ def test_a_file_of_a_big_endian_computer_is_read(tmp_path):
         + element(9, struct.pack(">dd", 1.5, -2.0))
     )
     head = b"MATLAB 5.0 MAT-file".ljust(124) + struct.pack(">H", 0x0100) + b"MI"
-    (tmp_path / "log.mat").write_bytes(head + element(14, array))
-    np.testing.assert_array_equal(
-        read_table(tmp_path / "log.mat", ANY).numbers["a"], [1.5, -2.0]
-    )
+    path = written(head + element(14, array), "log.mat")
+    np.testing.assert_array_equal(read_table(path, ANY).numbers["a"], [1.5, -2.0])
 
 
 SMALL = mat({"a": np.arange(3.0), "t": "up", "s": {"c": np.array([1, "x"], object)}})
@@ -76,37 +73,33 @@ PACKED = mat({"a": np.arange(3.0), "t": "up"}, do_compression=True)
 
 
 @pytest.mark.parametrize("whole", [SMALL, PACKED])
-def test_no_byte_can_end_the_process(tmp_path, whole):
+def test_no_byte_can_end_the_process(written, whole):
     """SciPy's reader ends with a segmentation fault for some of these files."""
-    path = tmp_path / "log.mat"
     for place in range(128, len(whole), 60):
-        path.write_bytes(whole[:place])
         with suppress(LogError):  # any other error fails
-            read_table(path, ANY)
+            read_table(written(whole[:place], "log.mat"), ANY)
 
 
-def test_a_file_that_ends_the_program_is_damaged(tmp_path):
+def test_a_file_that_ends_the_program_is_damaged(written):
     damaged = bytearray(mat({"a": np.arange(3.0)}))
     place = damaged.rindex(struct.pack("<II", 9, 24))
     damaged[place] = 0  # the type of the numbers
-    (tmp_path / "log.mat").write_bytes(damaged)
     with pytest.raises(LogError, match=r"log\.mat.*it is damaged"):
-        read_table(tmp_path / "log.mat", ANY)
+        read_table(written(bytes(damaged), "log.mat"), ANY)
 
 
-def test_a_small_file_cannot_fill_the_memory(tmp_path):
+def test_a_small_file_cannot_fill_the_memory(written):
     size = 4_160_000_000  # bytes of an array, as the file says
     head = struct.pack("<IIII", 6, 8, 6, 0)
     head += struct.pack("<IIii", 5, 8, size // 8, 1) + struct.pack("<HH4s", 1, 1, b"a")
     head += struct.pack("<II", 9, size)
     content = zlib.compress(struct.pack("<II", 14, len(head) + size) + head + bytes(99))
-    path = tmp_path / "log.mat"
-    path.write_bytes(SMALL[:128] + struct.pack("<II", 15, len(content)) + content)
+    whole = SMALL[:128] + struct.pack("<II", 15, len(content)) + content
     with pytest.raises(LogError, match="unpacks to more memory than a file may take"):
-        read_table(path, ANY)
+        read_table(written(whole, "log.mat"), ANY)
 
 
-def test_structures_and_cells_are_columns_with_dots(tmp_path):
+def test_structures_and_cells_are_columns_with_dots(written):
     cell = np.empty(3, object)
     cell[:] = [np.arange(5.0) + index for index in range(3)]
     samples = np.array(
@@ -114,9 +107,9 @@ def test_structures_and_cells_are_columns_with_dots(tmp_path):
     )
     scalars = np.array([1.0, 2.0, 3.0, 4.0, 5.0], object)
     log = {"t": np.arange(5.0), "u": np.arange(10.0).reshape(5, 2), "deep": {"c": cell}}
-    path = tmp_path / "log.mat"
-    path.write_bytes(mat({"log": log, "s": samples, "n": scalars}, do_compression=True))
+    content = mat({"log": log, "s": samples, "n": scalars}, do_compression=True)
     names = ["log.t", "log.u.1", "log.deep.c.2", "s.t", "s.p.1", "n"]
+    path = written(content, "log.mat")
     numbers = read_table(path, ColumnRequest(names)).numbers
     count = np.arange(5.0)
     expected = [count, 2 * count + 1, count + 2, count, 2 * count, count + 1]
@@ -124,11 +117,9 @@ def test_structures_and_cells_are_columns_with_dots(tmp_path):
         np.testing.assert_array_equal(numbers[name], values)
 
 
-def test_deep_nests_are_refused(tmp_path):
+def test_deep_nests_are_refused(written):
     value = {"a": 1.0}
     for _ in range(9):
         value = {"a": value}
-    path = tmp_path / "log.mat"
-    path.write_bytes(mat({"log": value}))
     with pytest.raises(LogError, match="nested more than 8 deep"):
-        read_table(path, ANY)
+        read_table(written(mat({"log": value}), "log.mat"), ANY)

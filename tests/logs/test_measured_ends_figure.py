@@ -15,12 +15,9 @@ ROWS = 60
 def drawn(monkeypatch, tmp_path):
     """Draw two ends in two logs; returns the figure."""
     kept: list[Figure] = []
-
-    def keep(figure, path):
-        kept.append(figure)
-        return path
-
-    monkeypatch.setattr(measured_ends, "save_figure", keep)
+    monkeypatch.setattr(
+        measured_ends, "save_figure", lambda figure, path: kept.append(figure)
+    )
     positions = np.sin(0.1 * np.arange(ROWS))[:, None, None] * np.ones((1, 2, 3))
     ends = MeasuredEnds(
         np.zeros((ROWS, 3)), positions, positions, np.repeat([0, 1], ROWS // 2)
@@ -36,35 +33,22 @@ def drawn(monkeypatch, tmp_path):
     return kept[0]
 
 
-def test_every_end_has_a_panel_with_its_coordinates(drawn):
-    titles = [axes.get_title(loc="left") for axes in drawn.axes]
-    assert titles == ["end of module 1", "end of module 2"]
-    for axes in drawn.axes:
-        lines = [line for line in axes.get_lines() if line.get_label() in "xyz"]
-        assert len(lines) == 3
-
-
-def test_frozen_rows_are_a_band_over_the_rows_of_their_end_alone(drawn):
+def test_every_end_has_its_exclusions_and_all_have_marks_borders_and_notes(drawn):
     first, second = drawn.axes
+    assert first.get_title(loc="left") == "end of module 1"
+    assert second.get_title(loc="left") == "end of module 2"
+    assert second.get_xlabel() == "row\na note"
+    for axes in drawn.axes:
+        lines = axes.get_lines()
+        assert len([line for line in lines if line.get_label() in "xyz"]) == 3
+        assert {29.5, 50} <= {line.get_xdata()[0] for line in lines}
+    # frozen rows are a band, other excluded poses crosses
     assert not first.patches
     (band,) = second.patches
     assert band.get_x() == 9.5
     assert band.get_x() + band.get_width() == 14.5
-
-
-def test_other_excluded_poses_are_crosses(drawn):
-    crosses = [line for line in drawn.axes[0].get_lines() if line.get_marker() == "x"]
+    crosses = [line for line in first.get_lines() if line.get_marker() == "x"]
     assert {tuple(line.get_xdata()) for line in crosses} == {(40,)}
-
-
-def test_marks_and_borders_of_logs_are_vertical_lines(drawn):
-    for axes in drawn.axes:
-        places = {line.get_xdata()[0] for line in axes.get_lines()}
-        assert {29.5, 50} <= places
-
-
-def test_notes_stand_below(drawn):
-    assert drawn.axes[-1].get_xlabel() == "row\na note"
 
 
 def test_a_figure_of_a_log_without_exclusions_is_written(tmp_path):

@@ -4,9 +4,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from cable_parameters import straight_arm, wiring_of
 
 from s2c2a.logs import LogMap
-from s2c2a.logs.cable_model import CableParameters, Wiring, states_in_log
+from s2c2a.logs.cable_model import states_in_log
 from s2c2a.logs.map_diagnosis import Given, missed_shares
 from s2c2a.logs.model_fit import Observations, fit_parameters, predict_states
 from s2c2a.logs.poor_fits import describe_poor_fit
@@ -14,18 +15,8 @@ from s2c2a.logs.poor_fits import describe_poor_fit
 from marks import slow_after
 
 ROWS = 80
-TRUE = CableParameters(
-    angles=np.deg2rad([0.0, 120.0, 240.0]),
-    gain=np.array(0.0),
-    gains=np.zeros(3),
-    offsets=np.zeros(3),
-    lengths=np.log([0.2]),
-    stiffness=np.log(0.2),
-    gravity=np.array(0.0),
-    tilt=np.zeros(2),
-    base=np.zeros(3),
-)
-WIRING = Wiring(np.ones((3, 1)), np.arange(3), np.zeros(3), np.ones(3))
+TRUE = straight_arm([0.2])
+WIRING = wiring_of(1)
 STD = {"gains": 0.1, "offsets": 0.1, "gravity": 1e-6, "base": 0.002, "tilt": 0.01}
 
 

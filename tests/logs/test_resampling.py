@@ -30,10 +30,12 @@ TIMED = Rows(kind="timed", time="t", shortest=2)
 STEPS = Rows(kind="steps", shortest=2)
 
 
-def test_irregular_times_are_resampled_linearly():
+def test_irregular_times_and_short_gaps_of_positions_are_resampled_linearly():
     random = np.random.default_rng(0)
     time = np.sort(random.uniform(0, 3, 300))
-    (segment,) = split_segments(take(time), TIMED, 0.1)
+    x = time.copy()
+    x[10:12] = np.nan
+    (segment,) = split_segments(take(time, x=x), TIMED, 0.1)
     np.testing.assert_allclose(np.diff(segment.time), 0.1)
     np.testing.assert_allclose(segment.commanded[:, 0], segment.time, atol=1e-12)
     np.testing.assert_allclose(segment.positions[:, 0, 0], segment.time, atol=1e-12)
@@ -59,28 +61,17 @@ def test_unknown_commands_separate_episodes_and_missing_positions_stay_nan():
     assert np.isfinite(first.commanded).all()
 
 
-def test_positions_are_interpolated_over_a_short_gap():
-    time = np.arange(0, 1, 0.02)
-    x = time.copy()
-    x[10:12] = np.nan
-    (segment,) = split_segments(take(time, x=x), TIMED, 0.1)
-    np.testing.assert_allclose(segment.positions[:, 0, 0], segment.time, atol=1e-12)
-
-
 def test_steps_are_not_resampled_and_labels_separate_them():
     time = [0.0, 0.6, 5.0, 5.6, 6.0, 30.0]
-    parts = split_segments(
-        take(time, labels=["a", "a", "a", "b", "b", "b"]), STEPS, 0.5
-    )
+    parts = split_segments(take(time, labels=[*"aaabbb"]), STEPS, 0.5)
     assert [list(part.time) for part in parts] == [[0.0, 0.6, 5.0], [5.6, 6.0, 30.0]]
     stated = Rows(kind="steps", shortest=2, longest_gap=10.0)
     assert [len(part) for part in split_segments(take(time), stated, 0.5)] == [5]
 
 
 def test_short_segments_are_dropped_and_of_equal_times_the_first_counts():
-    assert (
-        split_segments(take([0.0, 1.0, 2.0]), Rows(kind="steps", shortest=4), 1.0) == []
-    )
+    longer = Rows(kind="steps", shortest=4)
+    assert split_segments(take([0.0, 1.0, 2.0]), longer, 1.0) == []
     (segment,) = split_segments(take([0.0, 1.0, 1.0, 2.0], x=[0, 1, 9, 2]), STEPS, 1.0)
     np.testing.assert_array_equal(segment.positions[:, 0, 0], [0, 1, 2])
 

@@ -4,27 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cable_parameters import straight_arm, wiring_of
 
 from s2c2a.logs import LogMap
 from s2c2a.logs.arm_file import _length_origin
-from s2c2a.logs.cable_model import CableParameters, Wiring, states_in_log
+from s2c2a.logs.cable_model import states_in_log
 from s2c2a.logs.model_fit import Observations, fit_parameters, predict_states
 from s2c2a.logs.stated_values import describe_contradictions
 
 from marks import slow_after
 
-TRUE = CableParameters(
-    angles=np.deg2rad([0.0, 120.0, 240.0] * 2),
-    gain=np.array(0.0),
-    gains=np.zeros(6),
-    offsets=np.zeros(6),
-    lengths=np.log([0.1, 0.2]),
-    stiffness=np.log(0.2),
-    gravity=np.array(0.0),
-    tilt=np.zeros(2),
-    base=np.array([0.1, 0.2, 0.3]),
-)
-WIRING = Wiring(np.repeat(np.eye(2), 3, axis=0), np.arange(6), np.zeros(6), np.ones(6))
+TRUE = straight_arm([0.1, 0.2], base=np.array([0.1, 0.2, 0.3]))
+WIRING = wiring_of(2)
 STD = {"gains": 0.1, "offsets": 0.1, "gravity": 1e-6, "stiffness": 2.0, "angles": 2.0}
 
 

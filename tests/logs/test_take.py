@@ -24,13 +24,9 @@ TIP = {
 }
 
 
-def make_map(
-    drives='commanded = "m"\nunit = "mm"\n',
-    ends=POSITION,
-    rows='kind = "steps"\n',
-    more="",
-):
-    return map_from_toml(f"[rows]\n{rows}{more}{ARM}[[drives]]\n{drives}{ends}")
+def make_map(drives='commanded = "m"\nunit = "mm"\n', ends=POSITION, more=""):
+    head = f'[rows]\nkind = "steps"\n{more}{ARM}'
+    return map_from_toml(f"{head}[[drives]]\n{drives}{ends}")
 
 
 def take_of(log_map, columns):
@@ -60,45 +56,24 @@ def test_columns_are_converted_to_meters_or_newtons(unit, factor):
     np.testing.assert_allclose(take.commanded[:, 0], [0, 250 * factor])
 
 
-def test_positions_are_converted_to_meters_and_missing_ones_stay_nan():
-    take = take_of(make_map(), {})
-    np.testing.assert_allclose(
-        take.positions[:, 0], [[0.001, 0, 0.2], [0.002, np.nan, 0.199]]
-    )
-    assert np.isnan(take.axes).all()
-
-
+QUATERNION = 'quaternion = ["a", "b", "c", "d"]\n'
+EULER = 'euler = ["a", "b", "c"]\n'
 TURN = Rotation.from_euler("XYZ", [20, -35, 50], degrees=True)
 
 
 @pytest.mark.parametrize(
     ("keys", "values"),
     [
-        ('quaternion = ["a", "b", "c", "d"]\norder = "xyzw"', TURN.as_quat()),
-        (
-            'quaternion = ["a", "b", "c", "d"]\norder = "wxyz"',
-            np.roll(TURN.as_quat(), 1),
-        ),
-        (
-            'euler = ["a", "b", "c"]\nsequence = "XYZ"',
-            TURN.as_euler("XYZ", degrees=True),
-        ),
-        (
-            'euler = ["a", "b", "c"]\nsequence = "zyx"',
-            TURN.as_euler("zyx", degrees=True),
-        ),
-        (
-            'euler = ["a", "b", "c"]\nsequence = "zxz"\neuler_unit = "rad"',
-            TURN.as_euler("zxz"),
-        ),
+        (f'{QUATERNION}order = "xyzw"', TURN.as_quat()),
+        (f'{QUATERNION}order = "wxyz"', np.roll(TURN.as_quat(), 1)),
+        (f'{EULER}sequence = "XYZ"', TURN.as_euler("XYZ", degrees=True)),
+        (f'{EULER}sequence = "zyx"', TURN.as_euler("zyx", degrees=True)),
+        (f'{EULER}sequence = "zxz"\neuler_unit = "rad"', TURN.as_euler("zxz")),
     ],
 )
 @pytest.mark.parametrize("along", ["z", "-y"])
 def test_every_rotation_format_gives_the_same_axis(keys, values, along):
-    columns = {
-        name: np.array([value, np.nan])
-        for name, value in zip("abcd", values, strict=False)
-    }
+    columns = dict(zip("abcd", np.outer(values, [1.0, np.nan]), strict=False))
     log_map = make_map(ends=f'{POSITION}{keys}\nalong = "{along}"\n')
     axes = take_of(log_map, columns).axes[:, 0]
     np.testing.assert_allclose(axes[0], TURN.apply(unit_vector(along)), atol=1e-12)
@@ -159,68 +134,56 @@ def test_a_body_with_other_coordinates_than_the_ends_is_refused():
 
 
 def test_vectors_are_normalized_and_missing_ones_stay_nan():
-    columns = {
-        "a": np.array([0.0, 0.0]),
-        "b": np.array([3.0, 0.0]),
-        "c": np.array([4.0, 0.0]),
-    }
+    values = np.array([[0.0, 0.0], [3.0, 0.0], [4.0, 0.0]])
     log_map = make_map(ends=f'{POSITION}axis = ["a", "b", "c"]\n')
-    axes = take_of(log_map, columns).axes[:, 0]
-    np.testing.assert_allclose(axes, [[0, 0.6, 0.8], [np.nan] * 3])
+    take = take_of(log_map, dict(zip("abc", values, strict=True)))
+    np.testing.assert_allclose(take.axes[:, 0], [[0, 0.6, 0.8], [np.nan] * 3])
+
+
+def joined(keys, values, seen_keys):
+    """Take of commands and of positions in two files with keys."""
+    commands = {"ID": np.array(keys), "m": np.array(values)}
+    rows = np.arange(float(len(seen_keys)))
+    seen = {"ID": np.array(seen_keys)} | dict.fromkeys("xyz", rows)
+    tables = [Table("c", commands, {}), Table("s", seen, {})]
+    return build_take(tables, make_map(more='[join]\nkey = "ID"\n'))
 
 
 def test_files_are_joined_by_their_key_in_any_order():
-    log_map = make_map(more='[join]\nkey = "ID"\n')
-    commands = Table(
-        "c", {"ID": np.array([3.0, 1.0, 2.0]), "m": np.array([30.0, 10.0, 20.0])}, {}
-    )
-    seen = Table(
-        "s",
-        {"ID": np.array([2.0, 3.0, 9.0]), **{name: np.arange(3.0) for name in "xyz"}},
-        {},
-    )
-    take = build_take([commands, seen], log_map)
+    take = joined([3.0, 1.0, 2.0], [30.0, 10.0, 20.0], [2.0, 3.0, 9.0])
     np.testing.assert_allclose(take.commanded[:, 0], [0.020, 0.030])
     np.testing.assert_allclose(take.positions[:, 0, 0], [0, 0.001])
 
 
-def test_files_without_common_keys_or_with_duplicates_are_refused():
-    log_map = make_map(more='[join]\nkey = "ID"\n')
-    seen = Table(
-        "s",
-        {"ID": np.array([7.0, 8.0]), **{name: np.arange(2.0) for name in "xyz"}},
-        {},
-    )
-    for keys, message in (([1.0, 2.0], "in common"), ([7.0, 7.0], "duplicate")):
-        with pytest.raises(LogError, match=message):
-            build_take(
-                [Table("c", {"ID": np.array(keys), "m": np.zeros(2)}, {}), seen],
-                log_map,
-            )
+@pytest.mark.parametrize(
+    ("keys", "message"), [([1.0, 2.0], "in common"), ([7.0, 7.0], "duplicate")]
+)
+def test_files_without_common_keys_or_with_duplicates_are_refused(keys, message):
+    with pytest.raises(LogError, match=message):
+        joined(keys, [0.0, 0.0], [7.0, 8.0])
 
 
 COLUMNS = tuple(f"r{index}" for index in range(9))
 MATRIX = POSITION + f"matrix = {list(COLUMNS)}\n"
 
 
-@pytest.mark.parametrize("is_mirror", [False, True])
-def test_a_matrix_is_read_row_by_row_and_a_mirror_is_refused(is_mirror):
-    matrices = Rotation.from_euler("xyz", [[10, 20, 30], [50, 0, -20]], degrees=True)
-    values = matrices.as_matrix()
-    if is_mirror:
-        values[1, 0] *= -1
-    rows = dict(zip(COLUMNS, values.reshape(2, 9).T, strict=True))
-    if is_mirror:
-        with pytest.raises(LogError, match=r"'r0', ... is no rotation in 1 row,"):
-            take_of(make_map(ends=MATRIX), rows)
-        return
-    take = take_of(make_map(ends=MATRIX), rows)
+def test_a_matrix_is_read_row_by_row_and_a_mirror_is_refused():
+    turns = Rotation.from_euler("xyz", [[10, 20, 30], [50, 0, -20]], degrees=True)
+    values = turns.as_matrix()
+    rows = values.reshape(2, 9).T.copy()
+    take = take_of(make_map(ends=MATRIX), dict(zip(COLUMNS, rows, strict=True)))
     np.testing.assert_allclose(take.axes[:, 0], values[:, :, 2], atol=1e-12)
+    rows[:3, 1] *= -1
+    with pytest.raises(LogError, match=r"'r0', ... is no rotation in 1 row,"):
+        take_of(make_map(ends=MATRIX), dict(zip(COLUMNS, rows, strict=True)))
 
 
-def test_scales_of_drives_and_ends_are_factors_to_their_units():
+def test_scales_of_drives_and_ends_are_factors_and_missing_positions_stay_nan():
     ends = POSITION + "scale = 2.0\n"
     log_map = make_map('commanded = "m"\nunit = "mm"\nscale = 0.5\noffset = 4\n', ends)
     take = take_of(log_map, {"m": np.array([4, 8])})
     np.testing.assert_allclose(take.commanded[:, 0], [0, 0.002])
-    np.testing.assert_allclose(take.positions[0, 0], [0.002, 0, 0.4])
+    np.testing.assert_allclose(
+        take.positions[:, 0], [[0.002, 0, 0.4], [0.004, np.nan, 0.398]]
+    )
+    assert np.isnan(take.axes).all()

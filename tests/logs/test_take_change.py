@@ -35,14 +35,13 @@ def take(arm, seed, size=1.0, payload=0.0):
 @pytest.mark.parametrize("axis", slow_after(1, ["x", "z"]))
 def test_a_moved_camera_is_reported(hanging, axis, tip_only):
     cables, positions = take(hanging, 1)
-    first_cables, first_positions = take(hanging, 0)
+    first = take(hanging, 0)
     turn = Rotation.from_euler(axis, 2.5, degrees=True).as_matrix()
     shift = np.array([0.0, 0.01, 0.0])
     for moved in (positions + shift, positions @ turn.T):
-        places = moved.copy()
         if tip_only:
-            places[:, 0] = np.nan
-        change = find_change(cables, places, first_cables, first_positions, hanging)
+            moved[:, 0] = np.nan
+        change = find_change(cables, moved, *first, hanging)
         assert change.is_moved
         assert "without --like" in describe_change(change)
 
@@ -60,16 +59,14 @@ def test_cameras_that_were_put_up_anew_are_named_with_what_they_moved_by(hanging
 
 
 def test_a_payload_is_no_moved_camera(hanging):
-    loaded = take(hanging, 1, payload=0.25)
-    change = find_change(*loaded, *take(hanging, 0), hanging)
+    change = find_change(*take(hanging, 1, payload=0.25), *take(hanging, 0), hanging)
     assert not change.is_moved
     assert change.is_payload
     assert "consistent with a payload" in describe_change(change)
 
 
 def test_larger_pulls_are_extrapolation(hanging):
-    larger = take(hanging, 1, size=2.0)
-    change = find_change(*larger, *take(hanging, 0), hanging)
+    change = find_change(*take(hanging, 1, size=2.0), *take(hanging, 0), hanging)
     assert not change.is_moved
     assert change.extrapolated > 0.4
     assert "extrapolates" in describe_change(change)
@@ -77,21 +74,19 @@ def test_larger_pulls_are_extrapolation(hanging):
 
 def test_too_few_rows_say_nothing(hanging):
     cables, positions = take(hanging, 0)
-    few = take(hanging, 1)[0][:2], take(hanging, 1)[1][:2]
-    assert (
-        find_change(np.repeat(few[0], 40, 0), np.repeat(few[1], 40, 0), *few, hanging)
-        is None
-    )
+    few = cables[:2], positions[:2]
+    many = [np.repeat(values, 40, axis=0) for values in few]
+    assert find_change(*many, *few, hanging) is None
     unknown = np.full_like(positions, np.nan)
     assert find_change(cables, unknown, cables, positions, hanging) is None
 
 
-def arcs(arm, seed, offsets=0.0):
+def arcs(arm, seed, offsets=0.0, size=1.0):
     """Every module bends by its own cables, whose zeros are off by some bends [rad]."""
     random = np.random.default_rng(seed)
     cables = random.uniform(-0.7, 0.7, (4 * ROWS, arm.module_count, 2))
     lengths = np.full(arm.module_count, arm.length / arm.module_count)
-    states = np.array(states_from_bends(cables + offsets, lengths), float)
+    states = np.array(states_from_bends(size * cables + offsets, lengths), float)
     return cables, states[..., :3] + random.normal(0, 2e-3, states[..., :3].shape)
 
 
@@ -125,16 +120,9 @@ def test_a_moved_camera_is_no_homing(hanging, shift):
 
 def test_of_a_nearly_straight_arm_both_causes_are_named(hanging):
     """Small bends of one module turn its end as a camera does."""
-    shares = 0.1
-    cables, _ = arcs(hanging, 1)
-    lengths = np.full(2, hanging.length / 2)
-    ends = [
-        np.array(states_from_bends(shares * one + [[offset, 0.0], [0, 0]], lengths))
-        for one, offset in ((cables, 0.1), (arcs(hanging, 0)[0], 0.0))
-    ]
-    noise = np.random.default_rng(2).normal(0, 2e-3, (2, *cables.shape[:2], 3))
-    later, first = (end[..., :3] + one for end, one in zip(ends, noise, strict=True))
-    change = find_change(cables, later, arcs(hanging, 0)[0], first, hanging)
+    offsets = np.array([[0.1, 0.0], [0.0, 0.0]])
+    later = arcs(hanging, 1, offsets, size=0.1)
+    change = find_change(*later, *arcs(hanging, 0, size=0.1), hanging)
     assert "the data cannot tell" in describe_change(change)
 
 

@@ -89,19 +89,13 @@ def test_a_deviation_keeps_what_the_log_does_not_excite():
 
 
 @pytest.mark.parametrize(
-    ("end", "clause"),
-    [
-        ('quaternion = ["q0", "q1", "q2", "q3"]\norder = "wxyz"\n', ""),
-        (
-            'quaternion = ["q0", "q1", "q2", "q3"]\norder = "xyzw"\n',
-            'write order = "wxyz"',
-        ),
-    ],
+    ("order", "clause"), [("wxyz", ""), ("xyzw", 'write order = "wxyz"')]
 )
-def test_the_other_order_of_a_quaternion_is_named(write, end, clause):
+def test_the_other_order_of_a_quaternion_is_named(write, order, clause):
     bends = np.random.default_rng(3).uniform(-0.8, 0.8, (400, 2))
     pulls = 20.0 * bends @ cable_matrix(ANGLES).T
     path = write(pulls, bends, Rotation.identity())
+    end = f'quaternion = ["q0", "q1", "q2", "q3"]\norder = "{order}"\n'
     imported = import_logs([path], log_map("mm", end))
     assert clause in imported.diagnosis
     assert bool(imported.diagnosis) == bool(clause)

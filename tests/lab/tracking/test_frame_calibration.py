@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -36,19 +38,13 @@ def held():
 def held_poses(bends):
     """Poses of an arm whose bends are less than its encoders say."""
     positions, rotations = ArcChain.of(ARM).ends(0.9 * bends)
-    arm_ends = [
-        Pose(position, Rotation.from_matrix(rotation).as_quat())
-        for position, rotation in zip(positions, rotations, strict=True)
-    ]
     ends = [
-        WORLD @ end @ offset.inverse()
-        for end, offset in zip(arm_ends, ENDS, strict=True)
+        WORLD @ Pose(position, rotation) @ offset.inverse()
+        for position, rotation, offset in zip(
+            positions, Rotation.from_matrix(rotations).as_quat(), ENDS, strict=True
+        )
     ]
     return HeldPoses(bends, WORLD @ BASE.inverse(), tuple(ends))
-
-
-def changed(held, change):
-    return [HeldPoses(one.bends, one.base, tuple(change(one.ends))) for one in held]
 
 
 def angle(first, second):
@@ -64,38 +60,27 @@ def test_offsets_are_found_although_bends_differ_from_the_encoders(held):
     assert found.position_residuals.max() < 1e-4
 
 
-def test_swapped_bodies_are_named(held):
-    swapped = changed(held, lambda ends: (ends[1], ends[0], ends[2]))
-    with pytest.raises(FrameError, match="bodies are swapped"):
-        find_frames(ARM, swapped)
+def in_millimeters(pose):
+    return Pose(1000 * pose.position, pose.rotation)
 
 
-def test_millimeters_are_noticed(held):
-    def to_millimeters(one):
-        return Pose(1000 * one.position, one.rotation)
-
-    scaled = [
-        HeldPoses(
-            one.bends, to_millimeters(one.base), tuple(map(to_millimeters, one.ends))
-        )
-        for one in held
-    ]
-    with pytest.raises(FrameError, match="send meters"):
-        find_frames(ARM, scaled)
-
-
-def test_a_mirrored_order_of_cables_is_noticed(held):
-    mirrored = [
-        HeldPoses(one.bends * np.array([1.0, -1.0]), one.base, one.ends) for one in held
-    ]
-    with pytest.raises(FrameError, match="that its bends define"):
-        find_frames(ARM, mirrored)
+CHANGES = {
+    "bodies are swapped": lambda one: replace(
+        one, ends=(*one.ends[1::-1], one.ends[2])
+    ),
+    "send meters": lambda one: replace(
+        one, base=in_millimeters(one.base), ends=tuple(map(in_millimeters, one.ends))
+    ),
+    # a mirrored order of the cables
+    "that its bends define": lambda one: replace(one, bends=one.bends * [1.0, -1.0]),
+    "the base body moves": lambda one: replace(one, base=one.ends[0]),
+}
 
 
-def test_a_base_that_moves_is_refused(held):
-    moving = [HeldPoses(one.bends, one.ends[0], one.ends) for one in held]
-    with pytest.raises(FrameError, match="the base body moves"):
-        find_frames(ARM, moving)
+@pytest.mark.parametrize("words", CHANGES)
+def test_wrong_poses_are_noticed(held, words):
+    with pytest.raises(FrameError, match=words):
+        find_frames(ARM, list(map(CHANGES[words], held)))
 
 
 def test_few_configurations_are_refused(held):
@@ -112,9 +97,6 @@ def test_the_mean_ignores_the_signs_of_quaternions():
     expected = pose([0.0, 0.0, 2.0], [0.0, 0.0, 0.3])
     assert np.allclose(mean.position, expected.position)
     assert abs(angle(mean, expected)) > 1 - 1e-12
-
-
-def test_a_mean_of_nothing_is_refused():
     with pytest.raises(FrameError, match="no pose to average"):
         mean_pose([])
 

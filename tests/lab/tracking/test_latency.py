@@ -1,12 +1,10 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from s2c2a.arm import ArmGeometry, load_arm
-from s2c2a.lab.tracking.latency import (
-    LatencyError,
-    MotionRecord,
-    find_latency,
-)
+from s2c2a.lab.tracking.latency import LatencyError, MotionRecord, find_latency
 
 from marks import slow_after
 
@@ -14,11 +12,6 @@ ARM = load_arm("twin_arm")
 OMEGA = 2 * np.pi * 1.5
 DAMPING = 0.14
 STEP = 0.001
-
-
-@pytest.fixture(scope="module")
-def record():
-    return record_of(latency=0.0)
 
 
 def record_of(latency, size=0.2):
@@ -73,29 +66,26 @@ def test_too_little_motion_is_refused():
         find_latency(ARM, record_of(0.02, size=0.01))
 
 
-def test_a_tracker_that_stands_still_is_refused(record):
-    still = np.zeros_like(record.positions)
-    frozen = MotionRecord(record.times, record.cables, record.arrival_times, still)
+def test_a_tracker_that_shows_no_motion_of_the_arm_is_refused():
+    record = record_of(latency=0.0)
+    still = replace(record, positions=np.zeros_like(record.positions))
     with pytest.raises(LatencyError, match="stand still"):
-        find_latency(ARM, frozen)
-
-
-@pytest.mark.slow
-def test_a_tracker_of_something_else_is_refused(record):
-    random = np.random.default_rng(1)
-    walk = random.normal(0.0, 0.002, record.positions.shape).cumsum(axis=0)
-    arrivals = record.arrival_times[:800]
-    other = MotionRecord(record.times, record.cables, arrivals, walk[:800, :1])
-    with pytest.raises(LatencyError):
-        find_latency(ARM, other)
-
-
-def test_few_frames_are_refused(record):
-    few = MotionRecord(
-        record.times,
-        record.cables,
-        record.arrival_times[:50],
-        record.positions[:50],
+        find_latency(ARM, still)
+    few = replace(
+        record,
+        arrival_times=record.arrival_times[:50],
+        positions=record.positions[:50],
     )
     with pytest.raises(LatencyError, match="frames with all module ends"):
         find_latency(ARM, few)
+
+
+@pytest.mark.slow
+def test_a_tracker_of_something_else_is_refused():
+    record = record_of(latency=0.0)
+    random = np.random.default_rng(1)
+    walk = random.normal(0.0, 0.002, record.positions.shape).cumsum(axis=0)
+    arrivals = record.arrival_times[:800]
+    other = replace(record, arrival_times=arrivals, positions=walk[:800, :1])
+    with pytest.raises(LatencyError):
+        find_latency(ARM, other)

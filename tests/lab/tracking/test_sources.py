@@ -39,12 +39,6 @@ def test_a_source_gives_its_tracker(source, kind):
     assert type(tracker_of(source)) is kind
 
 
-def test_options_reach_the_tracker():
-    tracker = tracker_of("natnet:10.0.0.2,local=10.0.0.3,multicast=239.0.0.1")
-    assert (tracker._host, tracker._local) == ("10.0.0.2", "10.0.0.3")
-    assert tracker._multicast == "239.0.0.1"
-
-
 @pytest.mark.parametrize(
     ("source", "message"),
     [

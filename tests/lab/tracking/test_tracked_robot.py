@@ -24,7 +24,6 @@ from s2c2a.spaces import Reading, Sensor
 
 ARM = load_arm("twin_arm")
 CABLES = np.zeros((3, 3))
-SPACING = 0.2  # m; of the module ends
 NO_TURN = np.array([0.0, 0.0, 0.0, 1.0])
 
 
@@ -65,12 +64,12 @@ class StillTracker(Tracker):
         self.frame = None
         self.number = 0
         self.closed = False
-        self.shift = 0.0
 
-    def show(self, age=0.0):
+    def show(self, age=0.0, **shifts):
+        """The next frame; some bodies are shifted along x [m]."""
         now = time.perf_counter() - age
         poses = {
-            name: Pose(np.array([self.shift, 0.0, SPACING * place]), NO_TURN)
+            name: Pose(np.array([shifts.get(name, 0.0), 0.0, 0.2 * place]), NO_TURN)
             for place, name in enumerate(self.names)
         }
         self.frame = PoseFrame(now, now, self.number, poses)
@@ -96,23 +95,18 @@ def tracked(arm=ARM, tracker=None):
     return TrackedRobot(StillRobot(arm), "test", tracker), tracker
 
 
-def test_readings_have_the_states_of_the_tracker():
+def test_readings_have_the_states_of_the_tracker_and_commands_reach_the_robot():
     robot, tracker = tracked()
     with robot:
         tracker.show()
         reading = robot.read()
+        robot.send(CABLES)
+        robot.halt()
     assert set(reading.sensors) == {"cables", "states", "states_age"}
     np.testing.assert_allclose(reading["states"][:, 2], [0.2, 0.4, 0.6])
     assert 0.0 <= reading["states_age"] < ARM.control_period
     assert tracker.closed
-    assert robot._robot.calls == ["open", "close"]
-
-
-def test_commands_and_stops_reach_the_robot():
-    robot, _ = tracked()
-    robot.send(CABLES)
-    robot.halt()
-    assert robot._robot.calls == ["send", "halt"]
+    assert robot._robot.calls == ["open", "send", "halt", "close"]
 
 
 def test_states_of_a_silent_tracker_are_missing():
@@ -124,18 +118,17 @@ def test_states_of_a_silent_tracker_are_missing():
     assert "states_age" not in reading.sensors
 
 
-def test_an_arm_does_not_move_without_poses(monkeypatch):
+@pytest.mark.parametrize(
+    ("names", "problem"),
+    [
+        (("base", "end-1", "end-3"), "tracking test: no poses of end-2 arrive"),
+        (("base", "end-2", "end-1", "end-3"), "end of module 2 does not fit"),
+    ],
+)
+def test_an_arm_does_not_move_without_all_poses(monkeypatch, names, problem):
     monkeypatch.setattr("s2c2a.lab.tracking.states.FIRST_POSES", 0.05)
-    robot, _ = tracked(tracker=StillTracker(("base", "end-1", "end-3")))
-    with pytest.raises(S2C2AError, match="tracking test: no poses of end-2 arrive"):
-        robot.open()
-    assert robot._robot.calls == []
-
-
-def test_an_arm_does_not_move_with_exchanged_bodies(monkeypatch):
-    monkeypatch.setattr("s2c2a.lab.tracking.states.FIRST_POSES", 0.05)
-    robot, _ = tracked(tracker=StillTracker(("base", "end-2", "end-1", "end-3")))
-    with pytest.raises(S2C2AError, match="end of module 2 does not fit"):
+    robot, _ = tracked(tracker=StillTracker(names))
+    with pytest.raises(S2C2AError, match=problem):
         robot.open()
     assert robot._robot.calls == []
 
@@ -158,28 +151,10 @@ def test_an_impossible_state_is_missing_and_reported_once():
 def test_a_frame_that_is_read_again_does_not_confirm_a_jump():
     robot, tracker = tracked()
     with robot:
-        first = tracker.frame
-        moved = Pose(np.array([0.05, 0.0, 0.6]), NO_TURN)
-        tracker.frame = PoseFrame(
-            first.arrival_time + 0.001,
-            first.source_time + 0.001,
-            first.number + 1,
-            {**first.poses, "end-3": moved},
-        )
+        tracker.show(**{"end-3": 0.05})
         with pytest.warns(UserWarning, match="module 3 has jumped"):
             readings = [robot.read() for _ in range(2 * PERSISTENCE)]
     assert all(np.isnan(reading["states"][2]).all() for reading in readings)
-
-
-def frame_after(tracker, changes):
-    """The next frame, in which some bodies have moved along x [m]."""
-    tracker.show()
-    poses = dict(tracker.frame.poses)
-    for name, change in changes.items():
-        height = poses[name].position[2]
-        poses[name] = Pose(np.array([change, 0.0, height]), NO_TURN)
-    frame = tracker.frame
-    return PoseFrame(frame.arrival_time, frame.source_time, frame.number, poses)
 
 
 def test_a_frozen_end_is_missing_and_reported_once(monkeypatch):
@@ -192,13 +167,14 @@ def test_a_frozen_end_is_missing_and_reported_once(monkeypatch):
         for step, command in enumerate([CABLES, pulled, pulled, pulled, pulled]):
             robot.send(command)
             moved = {"end-1": 1e-5 * step, "end-3": 1e-5 * step}
-            tracker.frame = frame_after(tracker, moved)
+            tracker.show(**moved)
             states = robot.read()["states"]
-        tracker.frame = frame_after(tracker, {"end-2": 1e-5})
+        tracker.show(**{"end-2": 1e-5})
         again = robot.read()["states"]
     assert np.isnan(states).all(axis=1).tolist() == [False, True, False]
     assert np.isfinite(again).all()
-    assert ["module 2 is frozen" in str(one.message) for one in caught] == [True]
+    (warning,) = caught
+    assert "module 2 is frozen" in str(warning.message)
 
 
 def test_a_jump_of_all_ends_is_reported_once_and_removes_nothing():
@@ -207,12 +183,11 @@ def test_a_jump_of_all_ends_is_reported_once_and_removes_nothing():
     with robot, warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         for step in range(100):
-            tracker.shift = 0.0058 * (step // 40)
-            tracker.show()
+            shift = 0.0058 * (step // 40)
+            tracker.show(**dict.fromkeys(tracker.names, shift))
             assert np.isfinite(robot.read()["states"]).all()
-    assert [
-        "all tracked ends jump by 5.8 mm" in str(one.message) for one in caught
-    ] == [True]
+    (warning,) = caught
+    assert "all tracked ends jump by 5.8 mm" in str(warning.message)
 
 
 def test_the_arm_file_names_the_bodies():
@@ -253,26 +228,24 @@ def test_a_camera_is_slow_feedback_from_the_tracker():
     assert "camera_positions" not in second.sensors  # the next picture is not due
 
 
-def test_a_robot_that_measures_states_needs_no_tracker():
+def test_a_robot_that_measures_states_or_has_its_own_time_is_not_tracked():
     robot = StillRobot(ARM)
     sensors = {"states": Sensor((3, 6), "m")}
     robot.__class__ = type("Measuring", (StillRobot,), {"sensors": sensors})
     with pytest.raises(S2C2AError, match="measures states itself"):
         TrackedRobot(robot, "test", StillTracker())
-
-
-def test_a_simulation_is_not_tracked():
     with pytest.raises(S2C2AError, match="leave out --tracking"):
         TrackedRobot(SimulatedRobot(ARM), "test", StillTracker())
 
 
 def test_the_factory_adds_the_source_of_the_arm_file_or_of_the_command():
     name = f"{__name__}:StillRobot"
-    plain = RobotFactory(name).make(ARM)
-    assert type(plain).__name__ == "StillRobot"
     arm = ARM.model_copy(update={"tracking": Tracking(source="udp:0")})
-    assert isinstance(RobotFactory(name).make(arm), TrackedRobot)
-    assert isinstance(RobotFactory(name, tracking="udp:0").make(ARM), TrackedRobot)
-    refused = RobotFactory(name, tracking="none").make(arm)
-    assert type(refused).__name__ == "StillRobot"
-    assert isinstance(RobotFactory().make(arm), SimulatedRobot)
+    for factory, described, kind in [
+        (RobotFactory(name), ARM, "StillRobot"),
+        (RobotFactory(name), arm, "TrackedRobot"),
+        (RobotFactory(name, tracking="udp:0"), ARM, "TrackedRobot"),
+        (RobotFactory(name, tracking="none"), arm, "StillRobot"),
+        (RobotFactory(), arm, "SimulatedRobot"),
+    ]:
+        assert type(factory.make(described)).__name__ == kind

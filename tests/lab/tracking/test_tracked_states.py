@@ -44,18 +44,6 @@ def test_a_common_motion_of_all_bodies_changes_nothing():
     np.testing.assert_allclose(still, moved, atol=1e-12)
 
 
-def test_a_lost_end_is_nan_and_the_others_are_valid():
-    frame = frame_of(base=pose(0, 0, 0), end_2=pose(0, 0, 0.4))
-    states = ModuleEnds.of(2).states(frame)
-    assert np.isnan(states[0]).all()
-    assert np.isfinite(states[1]).all()
-
-
-def test_without_the_base_every_end_is_nan():
-    states = ModuleEnds.of(2).states(frame_of(end_1=pose(0, 0, 0.2)))
-    assert np.isnan(states).all()
-
-
 def test_the_world_frame_can_replace_the_base():
     ends = ModuleEnds.of(1, base=None, base_offset=pose(0, 0, 0.1))
     states = ends.states(frame_of(end_1=pose(0, 0, 0.3)))

@@ -2,13 +2,14 @@
 
 from collections import deque
 
-import mujoco
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from s2c2a.lab.tracking import Pose, PoseFrame, Tracker
 from s2c2a.robots.simulation import SimulatedRobot
 
 STEPS = 2  # of physics between exposures
+RATE = 100.0  # Hz; of the frames
 
 
 class TrackedSimulation(SimulatedRobot):
@@ -33,41 +34,22 @@ class TrackedSimulation(SimulatedRobot):
                 self.exposures.append((self.data.time, self.end_poses()))
 
     def end_poses(self):
-        return [self._pose(site) for site in self.end_sites]
-
-    def _pose(self, site):
-        quaternion = np.empty(4)
-        mujoco.mju_mat2Quat(quaternion, self.data.site_xmat[site])
-        return Pose(self.data.site_xpos[site].copy(), np.roll(quaternion, -1))
+        turns = self.data.site_xmat[self.end_sites].reshape(-1, 3, 3)
+        rotations = Rotation.from_matrix(turns).as_quat()
+        return list(map(Pose, self.data.site_xpos[self.end_sites], rotations))
 
 
 class SimulatedTracker(Tracker):
-    """Frames of a simulated robot, whose bodies are mounted with offsets."""
+    """Frames of a simulated robot, whose base body is mounted with an offset."""
 
-    def __init__(
-        self,
-        robot,
-        latency=0.0,
-        noise=0.0,
-        rate=100.0,
-        world=None,
-        base=None,
-        ends=None,
-        rename=None,
-    ):
-        identity = Pose.identity()
+    def __init__(self, robot, latency=0.0, noise=0.0, base=None):
         self._robot = robot
         # physics reads a command one step before the encoders do: in a step of length
         # h, q(t + h) - 2 q(t) + q(t - h) follows the command of t + h
         self._delay = latency + robot.model.opt.timestep
         self._noise = noise
-        self._every = max(1, round(1 / rate / robot.model.opt.timestep / STEPS))
-        self._world = world or identity
-        self._base = (base or identity).inverse()
-        self._ends = [end.inverse() for end in ends or []] or [
-            identity for _ in range(robot.arm.module_count)
-        ]
-        self._rename = rename or {}
+        self._every = round(1 / RATE / robot.model.opt.timestep / STEPS)
+        self._base = (base or Pose.identity()).inverse()
         self._random = np.random.default_rng(3)
         self._number = 0
         self._latest = None
@@ -89,13 +71,9 @@ class SimulatedTracker(Tracker):
         self._robot.exposures.clear()
 
     def _make_frame(self, exposure, poses):
-        bodies = {"base": self._world @ self._base}
-        for number, (pose, offset) in enumerate(zip(poses, self._ends, strict=True), 1):
-            bodies[f"end-{number}"] = self._world @ pose @ offset
-        noisy = {
-            self._rename.get(name, name): self._with_noise(pose)
-            for name, pose in bodies.items()
-        }
+        bodies = {"base": self._base}
+        bodies |= {f"end-{number}": pose for number, pose in enumerate(poses, 1)}
+        noisy = {name: self._with_noise(pose) for name, pose in bodies.items()}
         return PoseFrame(exposure + self._delay, exposure, self._number, noisy)
 
     def _with_noise(self, pose):

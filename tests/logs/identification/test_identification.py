@@ -46,9 +46,8 @@ def recorded(arm, rows=ROWS, seed=0, how=None, moved=True) -> Episode:
 @pytest.fixture(scope="module")
 def start(make_arm):
     """Described arm of two modules."""
-    return make_arm(
-        modules=2, module={"cable": {"stiffness": 4000.0, "backlash": 0.0005}}
-    )
+    cable = {"stiffness": 4000.0, "backlash": 0.0005}
+    return make_arm(modules=2, module={"cable": cable})
 
 
 @pytest.fixture(scope="module")
@@ -62,12 +61,8 @@ def truth(start):
 def fit(start, truth):
     """Described arm fitted to a recording of the randomized one."""
     unknowns = unknowns_of(start, GROUPS)
-    return identify(
-        start,
-        unknowns,
-        [recorded(arm_at(start, unknowns, truth))],
-        IdentificationOptions(rounds=4),
-    )
+    seen = recorded(arm_at(start, unknowns, truth))
+    return identify(start, unknowns, [seen], IdentificationOptions(rounds=4))
 
 
 @pytest.mark.slow
@@ -100,10 +95,9 @@ def test_the_fitted_file_has_an_uncertainty_for_each_number(fit):
     ]
     assert all("+-" in line and "was" in line for line in commented)
     found = {one.name: one.value for one in fitted_numbers(fit)}
-    assert found["modules.1.cable_radius"] == fit.arm.modules[1].cable_radius
-    assert (
-        found["modules.0.cable_angles_deg.2"] == fit.arm.modules[0].cable_angles_deg[2]
-    )
+    first, second = fit.arm.modules
+    assert found["modules.1.cable_radius"] == second.cable_radius
+    assert found["modules.0.cable_angles_deg.2"] == first.cable_angles_deg[2]
 
 
 @pytest.fixture
@@ -122,14 +116,10 @@ def test_mass_and_stiffness_without_separate_effects_are_reported(level):
     how = Replay(settling=2.0)
     seen = recorded(level, 8, how=how, moved=False)
     unknowns = unknowns_of(level, ("stiffness", "mass"), moving=False)
-    texts = undetermined_combinations(
-        identify(
-            level, unknowns, [seen], IdentificationOptions(how, rounds=2)
-        ).posterior
-    )
-    assert len(texts) == 1
-    assert "modules.0.bending_stiffness" in texts[0]
-    assert "+ 0." in texts[0] or "- 0." in texts[0]
+    fit = identify(level, unknowns, [seen], IdentificationOptions(how, rounds=2))
+    (text,) = undetermined_combinations(fit.posterior)
+    assert "modules.0.bending_stiffness" in text
+    assert "+ 0." in text or "- 0." in text
 
 
 def test_a_mass_at_the_tip_is_identified_from_rest_under_gravity(level):
@@ -149,12 +139,8 @@ def test_a_shifted_frame_is_identified_and_reported(start):
     shifted = np.array(seen["sensor.states"])
     shifted[..., :3] += (0.01, 0.0, -0.02)
     moved = replace(seen, columns={**seen.columns, "sensor.states": shifted})
-    fit = identify(
-        start,
-        unknowns_of(start, ("stiffness",)),
-        [moved],
-        IdentificationOptions(frame=True, rounds=4),
-    )
+    options = IdentificationOptions(frame=True, rounds=4)
+    fit = identify(start, unknowns_of(start, ("stiffness",)), [moved], options)
     found = {one.name: one.value for one in fitted_numbers(fit)}
     assert found["frame.shift_x"] == pytest.approx(0.01, abs=0.002)
     assert found["frame.shift_z"] == pytest.approx(-0.02, abs=0.002)
@@ -162,17 +148,14 @@ def test_a_shifted_frame_is_identified_and_reported(start):
 
 
 def test_directions_are_continuous_across_a_turn(make_arm):
-    arm = make_arm(
-        modules=1,
-        module={"mismatch": {"rest_bend_deg": 3.0, "rest_azimuth_deg": 180.0}},
-    )
+    rest = {"rest_bend_deg": 3.0, "rest_azimuth_deg": 180.0}
+    arm = make_arm(modules=1, module={"mismatch": rest})
     unknowns = unknowns_of(arm, ("rest",))
     mismatch = arm_at(arm, unknowns, np.array([0.0, -0.1])).modules[0].mismatch
     assert [one.start for one in unknowns] == pytest.approx([-3.0, 0.0], abs=1e-12)
     assert mismatch.rest_bend_deg == pytest.approx(np.hypot(3, 0.5))
-    assert mismatch.rest_azimuth_deg == pytest.approx(
-        -180 + np.rad2deg(np.arctan2(0.5, 3))
-    )
+    azimuth = np.rad2deg(np.arctan2(0.5, 3)) - 180
+    assert mismatch.rest_azimuth_deg == pytest.approx(azimuth)
 
 
 def test_an_arm_at_zero_coordinates_equals_its_file(twin):
@@ -183,18 +166,15 @@ def test_an_arm_at_zero_coordinates_equals_its_file(twin):
 def test_the_fit_of_shortening_starts_at_an_arm_that_hardly_shortens(twin):
     assert with_default_starts(twin, ("stiffness",)) == twin
     stated = with_default_starts(twin, ("shortening",))
-    assert stated.modules[0].mismatch.axial_stiffness == pytest.approx(
-        20 * 0.125 / 0.027**2
-    )
+    stiffness = stated.modules[0].mismatch.axial_stiffness
+    assert stiffness == pytest.approx(20 * 0.125 / 0.027**2)
     assert len(unknowns_of(stated, ("shortening",))) == 3
     assert with_default_starts(stated, ("shortening",)) == stated
 
 
 def test_every_fifth_block_of_25_rows_and_first_rows_are_held_out(start):
     kept = held_out([recorded(start, 140), recorded(start, 120)])
-    turns = [
-        list(np.flatnonzero(np.diff(rows.astype(int), prepend=0))) for rows in kept
-    ]
+    turns = [np.flatnonzero(np.diff(rows, prepend=False)).tolist() for rows in kept]
     assert turns == [[0, 1, 100, 125], [0, 1, 85, 110]]
 
 
@@ -207,16 +187,10 @@ def test_poses_at_rest_are_thinned_with_the_actions_that_lead_to_them(start):
 
 def test_recorded_actions_beyond_the_limits_of_the_start_are_replayed(start):
     seen = recorded(start, 30)
-    narrow = start.model_copy(
-        update={
-            "modules": tuple(
-                m.model_copy(update={"bend_limit_deg": 5.0}) for m in start.modules
-            )
-        }
-    )
-    np.testing.assert_allclose(
-        replayed(narrow, [seen], Replay())[0], replayed(start, [seen], Replay())[0]
-    )
+    modules = [one.model_copy(update={"bend_limit_deg": 5.0}) for one in start.modules]
+    narrow = start.model_copy(update={"modules": tuple(modules)})
+    found, expected = (replayed(arm, [seen], Replay()) for arm in (narrow, start))
+    np.testing.assert_allclose(found[0], expected[0])
 
 
 @pytest.mark.parametrize(
@@ -225,17 +199,15 @@ def test_recorded_actions_beyond_the_limits_of_the_start_are_replayed(start):
 def test_the_frame_of_an_imported_recording_is_fitted_and_its_episodes_are_continuous(
     start, babbling, imported
 ):
-    options = options_for(
-        Recording(start, {"babbling": babbling}, (recorded(start, 5),)), 0.1, 3, "fast"
-    )
+    recording = Recording(start, {"babbling": babbling}, (recorded(start, 5),))
+    options = options_for(recording, 0.1, 3, "fast")
     assert options == IdentificationOptions(Replay(0.1, imported, "fast"), imported, 3)
 
 
 def test_recordings_without_states_and_groups_without_numbers_are_refused(start):
     seen = recorded(start, 30)
-    blind = replace(
-        seen, columns={**seen.columns, "sensor.states": np.full((30, 2, 6), np.nan)}
-    )
+    unknown = {"sensor.states": np.full((30, 2, 6), np.nan)}
+    blind = replace(seen, columns=seen.columns | unknown)
     with pytest.raises(RecordingError, match="no measured states"):
         identify(start, unknowns_of(start, GROUPS), [blind])
     with pytest.raises(S2C2AError, match="choose from stiffness"):

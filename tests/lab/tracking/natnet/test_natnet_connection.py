@@ -89,9 +89,3 @@ def test_a_frame_before_the_handshake_shortens_the_pause(connection):
 def test_a_name_that_two_bodies_have_is_left_out(connected):
     connected.take_definitions({1: "base", 2: "end-1", 3: "end-1"}, 0.1)
     assert connected.names == {1: "base"}
-
-
-def test_an_unsupported_version_is_named_with_the_supported_ones(connection):
-    connection.take_server_info(ServerInfo(Version(4, 3), None), 0.0)
-    assert not connection.is_connected
-    assert "NatNet 4.3, and s2c2a reads 3.1, 4.0, 4.1, 4.2" in connection.problem

@@ -1,6 +1,7 @@
 """The tracker and an emulated Motive, over loopback."""
 
 import time
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -12,13 +13,20 @@ from s2c2a.lab.tracking.natnet.layouts import LAYOUTS
 GROUP = "239.255.42.99"
 
 
+@contextmanager
+def tracking(up="y", **options):
+    """A tracker of an emulated Motive."""
+    with (
+        motive_streaming(up=up, **options) as ports,
+        NatNetTracker(**ports, up=up) as tracker,
+    ):
+        yield tracker
+
+
 @pytest.mark.parametrize("up", ["y", "z"])
 @pytest.mark.parametrize("version", ["3.1", "4.0", "4.1", "4.2"])
 def test_poses_arrive_as_they_are(version, up):
-    with (
-        motive_streaming(version=version, up=up) as ports,
-        NatNetTracker(**ports, up=up) as tracker,
-    ):
+    with tracking(up, version=version) as tracker:
         frames_arrive(tracker)
         frame = tracker.latest()
         age = time.perf_counter() - frame.arrival_time
@@ -45,10 +53,7 @@ def test_multicast_frames_arrive_with_the_group_given_or_stated(stated):
 
 
 def test_the_tracker_connects_again_after_a_restart():
-    with (
-        motive_streaming(faults=("1 restart 1.5",)) as ports,
-        NatNetTracker(**ports) as tracker,
-    ):
+    with tracking(faults=("1 restart 1.5",)) as tracker:
         frames_arrive(tracker)
         wait_until(lambda: "does not answer" in tracker.problem)
         wait_until(lambda: tracker.counts.restarts == 1)
@@ -59,7 +64,7 @@ def test_the_tracker_connects_again_after_a_restart():
 
 def test_faults_of_the_network_are_counted_by_reason():
     faults = ("0 reordered 0.2", "0 duplicated 0.2", "0 garbage 0.3", "0 lost 0.1")
-    with motive_streaming(faults=faults) as ports, NatNetTracker(**ports) as tracker:
+    with tracking(faults=faults) as tracker:
         frames_arrive(tracker, 60)
         wait_until(lambda: tracker.counts.dropped[DropReason.LATE] > 0)
         dropped = tracker.counts.dropped
@@ -79,9 +84,8 @@ def test_an_unsupported_version_is_refused_at_the_start(monkeypatch):
 
 def test_an_absent_motive_is_reported_with_its_address():
     port = free_port()
-    tracker = NatNetTracker(command_port=port, timeout=0.2)
     with pytest.raises(TrackingError, match=f"{port} does not answer"):
-        tracker.start()
+        NatNetTracker(command_port=port, timeout=0.2).start()
 
 
 @pytest.mark.parametrize(
@@ -89,17 +93,6 @@ def test_an_absent_motive_is_reported_with_its_address():
     [
         ({"command_port": 0}, "choose 1 to 65535"),
         ({"data_port": 65_536}, "choose 1 to 65535"),
-        ({"up": "x"}, "give y or z"),
-    ],
-)
-def test_invalid_options_are_refused(options, words):
-    with pytest.raises(TrackingError, match=words):
-        NatNetTracker(**options)
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
         ({"host": "256.1.1.1"}, "no host"),
         ({"host": "a\0b"}, "no host"),
         ({"local": "192.0.2.1"}, "cannot listen"),

@@ -48,16 +48,17 @@ def test_other_components_are_skipped():
     assert parsed.bodies == (BODY,)
 
 
-def test_millimeters_become_meters_and_columns_a_quaternion():
-    pose = body_pose(BODY, "+z")
-    np.testing.assert_allclose(pose.position, [0.1, 0.2, -0.3])
-    np.testing.assert_allclose(pose.rotation, [0, 0, QUARTER, QUARTER], atol=1e-12)
-
-
-def test_y_up_becomes_z_up():
-    pose = body_pose(BODY, "+y")
-    np.testing.assert_allclose(pose.position, [0.1, 0.3, 0.2])
-    np.testing.assert_allclose(pose.rotation, [0, -QUARTER, 0, QUARTER], atol=1e-12)
+@pytest.mark.parametrize(
+    ("up", "position", "rotation"),
+    [
+        ("+z", [0.1, 0.2, -0.3], [0, 0, QUARTER, QUARTER]),
+        ("+y", [0.1, 0.3, 0.2], [0, -QUARTER, 0, QUARTER]),
+    ],
+)
+def test_millimeters_become_meters_and_columns_a_quaternion(up, position, rotation):
+    pose = body_pose(BODY, up)
+    np.testing.assert_allclose(pose.position, position)
+    np.testing.assert_allclose(pose.rotation, rotation, atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -125,17 +126,9 @@ def parameters(bodies, up="<The_3D><AxisUpwards>+Z</AxisUpwards></The_3D>"):
     return f"<{root}>{up}<The_6D>{names}</The_6D></{root}>\0".encode()
 
 
-def test_parameters_name_the_bodies_in_order():
-    assert parse_parameters(parameters(["b", "a"])) == StreamParameters(
-        ("b", "a"), "+z"
-    )
-
-
-def test_a_name_that_two_bodies_have_is_empty():
-    assert parse_parameters(parameters(["a", "b", "a"])).names == ("", "b", "")
-
-
-def test_without_the_3d_parameters_z_is_up():
+def test_parameters_name_the_bodies_in_order_and_none_that_two_have():
+    parsed = parse_parameters(parameters(["b", "a", "c", "a"]))
+    assert parsed == StreamParameters(("b", "", "c", ""), "+z")
     assert parse_parameters(parameters(["a"], up="")).up == "+z"
 
 

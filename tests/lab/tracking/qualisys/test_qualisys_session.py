@@ -26,16 +26,6 @@ def streaming(session):
     return session
 
 
-def test_version_parameters_and_frames_are_requested_in_this_order(session):
-    assert session.due_commands(0.0) == ["Version 1.20"]
-    session.take_command("QTM RT Interface connected", 0.1)
-    assert session.due_commands(0.1) == []
-    session.take_command("Version set to 1.20", 0.2)
-    assert session.due_commands(0.2) == ["GetParameters 3D 6D"]
-    session.take_parameters(BODIES, 0.3)
-    assert session.due_commands(0.3) == ["StreamFrames AllFrames 6D"]
-
-
 def test_while_frames_arrive_nothing_is_requested(streaming):
     streaming.take_frame(0.9)
     assert streaming.due_commands(1.5) == []

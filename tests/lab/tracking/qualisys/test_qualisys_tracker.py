@@ -3,6 +3,7 @@
 import socket
 import struct
 import time
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -12,9 +13,16 @@ from s2c2a.lab.emulation import qualisys_protocol
 from s2c2a.lab.tracking import DropReason, QualisysTracker, TrackingError
 
 
+@contextmanager
+def tracking(**options):
+    """A tracker of an emulated QTM."""
+    with qtm_streaming(**options) as (port, _), QualisysTracker(port=port) as tracker:
+        yield tracker
+
+
 @pytest.mark.parametrize("up", ["y", "z"])
 def test_poses_arrive_by_name_with_z_up(up):
-    with qtm_streaming(up=up) as (port, _), QualisysTracker(port=port) as tracker:
+    with tracking(up=up) as tracker:
         frames_arrive(tracker)
         frame = tracker.latest()
         assert tracker.bodies == ["base", "end-1"]
@@ -27,21 +35,15 @@ def test_poses_arrive_by_name_with_z_up(up):
 
 
 def test_a_hidden_body_is_absent():
-    with (
-        qtm_streaming(faults=("0 hidden end-1",)) as (port, _),
-        QualisysTracker(port=port) as tracker,
-    ):
+    with tracking(faults=("0 hidden end-1",)) as tracker:
         frames_arrive(tracker)
         assert sorted(tracker.latest().poses) == ["base"]
 
 
 def test_the_tracker_connects_again_after_a_restart(monkeypatch):
     monkeypatch.setattr("s2c2a.lab.tracking.datagrams.RESTART_SILENCE", 0.2)
-    with (
-        # late enough that the clock steps back by more than the silence
-        qtm_streaming(faults=("0.5 restart 0.3",)) as (port, _),
-        QualisysTracker(port=port) as tracker,
-    ):
+    # late enough that the clock steps back by more than the silence
+    with tracking(faults=("0.5 restart 0.3",)) as tracker:
         frames_arrive(tracker)
         wait_until(lambda: "does not answer" in tracker.problem)
         wait_until(lambda: tracker.counts.restarts == 1)
@@ -51,14 +53,10 @@ def test_the_tracker_connects_again_after_a_restart(monkeypatch):
 
 def test_faults_of_the_stream_are_counted_by_reason():
     faults = ("0 duplicated 0.2", "0 reordered 0.2", "0 incomplete 0.2", "0 absurd 0.2")
-    with (
-        qtm_streaming(faults=faults) as (port, _),
-        QualisysTracker(port=port) as tracker,
-    ):
+    with tracking(faults=faults) as tracker:
         reasons = ("DUPLICATE", "LATE", "MALFORMED", "IMPLAUSIBLE")
-        wait_until(
-            lambda: all(tracker.counts.dropped[DropReason[one]] for one in reasons)
-        )
+        for one in reasons:
+            wait_until(lambda one=one: tracker.counts.dropped[DropReason[one]])
         frames_arrive(tracker)
         assert tracker.counts.dropped[DropReason.FAILED] == 0
 
@@ -66,21 +64,16 @@ def test_faults_of_the_stream_are_counted_by_reason():
 def test_a_stream_whose_frame_number_stays_1_is_a_stream(monkeypatch):
     encode = qualisys_protocol.encode_frame
     monkeypatch.setattr(
-        qualisys_protocol,
-        "encode_frame",
-        lambda number, time, bodies: encode(1, time, bodies),
+        qualisys_protocol, "encode_frame", lambda number, *rest: encode(1, *rest)
     )
-    with qtm_streaming() as (port, _), QualisysTracker(port=port) as tracker:
+    with tracking() as tracker:
         frames_arrive(tracker, 10)
         assert not any(tracker.counts.dropped.values())
         assert tracker.counts.restarts == 0
 
 
 def test_random_bytes_in_the_stream_end_in_a_new_connection():
-    with (
-        qtm_streaming(faults=("0.1 garbage 1", "0.3 garbage 0")) as (port, _),
-        QualisysTracker(port=port) as tracker,
-    ):
+    with tracking(faults=("0.1 garbage 1", "0.3 garbage 0")) as tracker:
         wait_until(lambda: tracker.counts.dropped[DropReason.MALFORMED] > 0)
         frames_arrive(tracker, 20)
         assert tracker.counts.dropped[DropReason.FAILED] == 0
@@ -118,10 +111,7 @@ def test_without_bodies_the_start_fails():
 
 
 def test_without_a_measurement_the_tracker_waits_and_says_so():
-    with (
-        qtm_streaming(is_measuring=False) as (port, _),
-        QualisysTracker(port=port) as tracker,
-    ):
+    with tracking(is_measuring=False) as tracker:
         wait_until(lambda: "start a measurement" in tracker.problem)
         assert tracker.bodies == ["base", "end-1"]
         assert tracker.latest() is None

@@ -2,17 +2,14 @@ from functools import cache
 
 import numpy as np
 import pytest
-from pictures import Canvas, Effects, Lens
+from painted_tags import Lens, taken
 from scipy.spatial.transform import Rotation
 
 from s2c2a.lab.tracking.poses import Pose
 from s2c2a.lab.tracking.tags import Board, CameraModel, calibrate, find_board
 from s2c2a.lab.tracking.tags.calibration import board_picture
 from s2c2a.lab.tracking.tags.camera import CameraError
-from s2c2a.lab.tracking.tags.live_calibration import (
-    calibrate_folder,
-    take_views,
-)
+from s2c2a.lab.tracking.tags.live_calibration import calibrate_folder, take_views
 from s2c2a.lab.tracking.tags.opencv import cv2
 
 BOARD = Board()
@@ -45,11 +42,8 @@ def pictures(count: int = 14) -> list[np.ndarray]:
         facing = Rotation.from_euler("x", np.pi)
         rotation = Rotation.from_rotvec(tilt) * facing
         pose = Pose(np.array([*place, depth]), rotation.as_quat())
-        canvas = Canvas(lens)
-        canvas.paint(board_corners(pose), texture)
-        images.append(
-            lens.picture(canvas.image, Effects(noise=1.5, blur=0.5, seed=number))
-        )
+        image = lens.picture([(board_corners(pose), texture)])
+        images.append(taken(image, seed=number))
     return images
 
 
@@ -96,24 +90,16 @@ def test_a_board_is_found_whatever_the_size_of_its_markers(ratio):
     assert len(find_board(board_picture(board, 60), board).points) == 24
 
 
-def test_too_few_pictures_are_refused():
-    with pytest.raises(CameraError, match="3 show the board"):
-        calibrate(pictures()[:3], BOARD)
-
-
-def test_pictures_of_one_place_are_too_similar():
-    with pytest.raises(CameraError, match="1 of them in different places"):
-        calibrate(pictures()[:1] * 12, BOARD)
-
-
-def test_pictures_of_two_sizes_are_refused():
-    with pytest.raises(CameraError, match="2 sizes"):
-        calibrate([pictures()[0], pictures()[1][:400]], BOARD)
-
-
-def test_pictures_without_a_board_are_refused():
-    with pytest.raises(CameraError, match="0 show the board"):
-        calibrate([np.zeros((480, 640), np.uint8)] * 12, BOARD)
+def test_pictures_that_do_not_suffice_are_refused():
+    first, second, third, *_ = pictures()
+    for images, words in [
+        ([first, second, third], "3 show the board"),
+        ([first] * 12, "1 of them in different places"),
+        ([first, second[:400]], "2 sizes"),
+        ([np.zeros((480, 640), np.uint8)] * 12, "0 show the board"),
+    ]:
+        with pytest.raises(CameraError, match=words):
+            calibrate(images, BOARD)
 
 
 def test_another_board_is_not_found_or_does_not_fit():
@@ -130,10 +116,8 @@ def test_a_folder_of_pictures_gives_a_camera(tmp_path, calibrated):
 
 
 class ScriptedCamera:
-    """Every picture twice: at rest, then elsewhere."""
-
     def __init__(self, images):
-        self._images = [image for image in images for _ in range(2)]
+        self._images = list(images)
 
     def read(self):
         return (self._images.pop(0), 0.0) if self._images else None
@@ -143,17 +127,15 @@ class ScriptedCamera:
 
 
 def test_views_are_taken_where_the_board_rests_in_a_new_place():
-    taken = []
-    views, shape = take_views(
-        ScriptedCamera(pictures()[:4]), BOARD, 3, lambda *done: taken.append(done)
-    )
+    done = []
+    twice = [image for image in pictures()[:4] for _ in range(2)]
+    camera = ScriptedCamera(twice)
+    views, shape = take_views(camera, BOARD, 3, lambda *step: done.append(step))
     assert len(views) == 3
     assert shape == (480, 640)
-    assert taken[-1] == ("views", 3, 3)
+    assert done[-1] == ("views", 3, 3)
 
 
 def test_a_board_in_motion_gives_no_view():
-    camera = ScriptedCamera([])
-    camera._images = list(pictures()[:6])
     with pytest.raises(CameraError, match="0 of 3 views"):
-        take_views(camera, BOARD, 3, lambda *_: None)
+        take_views(ScriptedCamera(pictures()[:6]), BOARD, 3, lambda *_: None)

@@ -14,12 +14,9 @@ from s2c2a.lab.tracking.tags.camera import CameraError
 from s2c2a.lab.tracking.tags.layout import LayoutError
 
 
-def test_a_camera_comes_back_from_its_file(tmp_path):
+def test_cameras_and_layouts_come_back_from_their_files(tmp_path):
     save_camera(CAMERA, tmp_path / "camera.json")
     assert load_camera(tmp_path / "camera.json") == CAMERA
-
-
-def test_a_layout_comes_back_from_its_file(tmp_path):
     save_layout(LAYOUT, tmp_path / "tags.json")
     assert load_layout(tmp_path / "tags.json") == LAYOUT
 
@@ -104,10 +101,3 @@ def test_tags_of_a_collar_look_outward_and_stand_upright():
 def test_collars_that_cannot_be_are_refused(options):
     with pytest.raises(LayoutError):
         TagLayout.collars(**{"modules": 2, **options})
-
-
-def test_a_file_without_keys_is_answered_with_the_command_that_makes_one(tmp_path):
-    path = tmp_path / "camera.json"
-    path.write_text("{}")
-    with pytest.raises(CameraError, match=r"calibrate-camera`\n  width: .* missing"):
-        load_camera(path)

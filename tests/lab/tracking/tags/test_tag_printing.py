@@ -28,10 +28,7 @@ def test_printed_tags_have_their_size_and_are_upright(tmp_path):
     views = detect_tags(read(path), layout.by_id).views
     assert {view.id for view in views} == {10, 11, 12, 13, 14}
     for view in views:
-        top, right = (
-            view.corners[1] - view.corners[0],
-            view.corners[2] - view.corners[1],
-        )
+        top, right, *_ = np.diff(view.corners, axis=0)
         side = 0.04 * PIXELS_PER_METER / SHRINK
         assert top == pytest.approx((side, 0), abs=0.6)
         assert right == pytest.approx((0, side), abs=0.6)
@@ -73,8 +70,5 @@ def test_a_pdf_has_the_size_of_the_paper(tmp_path):
 def test_what_cannot_be_printed_is_refused(tmp_path, options, name):
     with pytest.raises(PrintError):
         print_tags(TagLayout.collars(1), tmp_path / name, **options)
-
-
-def test_a_board_that_does_not_fit_is_refused(tmp_path):
     with pytest.raises(PrintError, match="does not fit"):
         print_board(Board(columns=14), tmp_path / "board.pdf")
