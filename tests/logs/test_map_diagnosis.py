@@ -89,6 +89,14 @@ def test_exchanged_columns_are_named(table, outcome):
 
 
 @pytest.mark.slow
+def test_exchanged_drives_are_named(table, outcome):
+    first, second = [drive for drive in table["drives"] if drive["module"] == 1][:2]
+    first["angle_deg"], second["angle_deg"] = second["angle_deg"], first["angle_deg"]
+    names = f"of '{first['measured']}' and '{second['measured']}'"
+    assert f"exchange module, angle_deg {names}" in outcome(table)
+
+
+@pytest.mark.slow
 def test_exchanged_modules_are_named(table, outcome):
     for drive in table["drives"]:
         drive["module"] = 1 - drive["module"]
