@@ -126,6 +126,10 @@ class EmulatorInMemory:
     def lines(self):
         return self._emulator.lines
 
+    @property
+    def servos(self):
+        return self._emulator.servos
+
     def start(self, arm_file, link, **options):
         """Power the servos up, and plug the port in."""
         options = EmulatorOptions(link=Path(link), **options)

@@ -85,8 +85,7 @@ def test_faults_of_groups_are_named(group, fault):
 def test_the_arm_moves_and_every_bus_keeps_its_limits(wire):
     with wire.driven():
         records = wire.steps(12)
-        servos = wire.emulator._emulator.servos
-        limits = {servo.id: servo.command().current for servo in servos}
+        limits = {servo.id: servo.command().current for servo in wire.emulator.servos}
     assert not any(record.fault for record in records)
     assert wire.largest_error(wire.records) < 0.003
     assert np.abs(records[-1].action).max(axis=-1).min() > 0.001
