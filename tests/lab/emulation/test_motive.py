@@ -68,20 +68,16 @@ def received(client):
         return kinds
 
 
-def test_a_client_that_connects_gets_information_and_frames(make_motive, client):
-    motive = make_motive()
-    kinds = ask(motive, client, protocol.CONNECT)
-    assert kinds == [protocol.SERVER_INFO, protocol.FRAME]
-
-
-def test_definitions_are_sent_on_request(make_motive, client):
-    kinds = ask(make_motive(), client, protocol.REQUEST_DEFINITIONS)
-    assert kinds == [protocol.DEFINITIONS]
-
-
-def test_a_command_is_not_recognized(make_motive, client):
-    kinds = ask(make_motive(), client, protocol.REQUEST)
-    assert kinds == [protocol.UNRECOGNIZED]
+@pytest.mark.parametrize(
+    ("request_kind", "answers"),
+    [
+        (protocol.CONNECT, [protocol.SERVER_INFO, protocol.FRAME]),
+        (protocol.REQUEST_DEFINITIONS, [protocol.DEFINITIONS]),
+        (protocol.REQUEST, [protocol.UNRECOGNIZED]),
+    ],
+)
+def test_a_request_has_its_answer(make_motive, client, request_kind, answers):
+    assert ask(make_motive(), client, request_kind) == answers
 
 
 def test_frames_wait_for_the_latency(make_motive, client):

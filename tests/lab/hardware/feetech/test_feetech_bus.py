@@ -225,24 +225,6 @@ def test_a_servo_that_is_switched_on_stays_where_it_is(bus, port):
     assert port[1].memory[42:44] == b"\x34\x02"
 
 
-def test_a_servo_is_switched_on_only_after_it_confirmed_its_goal(bus, port):
-    bus.set_torque([1], False)
-    port[1].set(42, 0x00, 0x08)  # an old goal
-    bus.send_goals({1: 100})
-    goals = []
-
-    def lose_first_goal(packet):
-        is_goal = packet.parameters[0] == 42
-        goals.extend([packet] * is_goal)
-        return is_goal and len(goals) == 1
-
-    port.loses = lose_first_goal
-    bus.set_torque([1], True)
-    assert len(goals) == 2
-    assert port[1].memory[40] == 1
-    assert port[1].memory[42:44] == b"\x64\x00"
-
-
 def test_all_servos_are_switched_off_although_one_is_absent(bus, port):
     bus.set_torque([1, 2, 3], True)
     port.servos.remove(port[2])
