@@ -8,6 +8,7 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
+from homes import arm_with_servos
 
 from s2c2a.arm import load_arm
 from s2c2a.cli.main import main
@@ -121,8 +122,9 @@ def test_the_feetech_library_drives_the_servos(tmp_path):
 def test_positions_follow_from_directions_and_home(tmp_path):
     directions = [[1, -1, 1], [-1, 1, 1], [1, 1, -1]]
     table = {"ids": [[9, 8, 7], [6, 5, 4], [3, 2, 1]], "directions": directions}
-    arm = type(ARM).model_validate(ARM.model_dump() | {"servos": table})
-    emulator = Emulator(arm, EmulatorOptions(link=tmp_path / "port"))
+    emulator = Emulator(
+        arm_with_servos(**table), EmulatorOptions(link=tmp_path / "port")
+    )
     winch = emulator.winches[1]
     before = winch.servo.position
     winch.servo["operating_mode"] = 4
@@ -138,8 +140,7 @@ def test_positions_follow_from_directions_and_home(tmp_path):
 
 
 def test_a_baud_rate_that_the_servos_do_not_know_is_refused():
-    table = {"ids": [[1, 2, 3], [4, 5, 6], [7, 8, 9]], "baud_rate": 500_000}
-    arm = type(ARM).model_validate(ARM.model_dump() | {"servos": table})
+    arm = arm_with_servos(baud_rate=500_000)
     with pytest.raises(S2C2AError, match="choose one of 9600, 57600"):
         Emulator(arm, EmulatorOptions())
 

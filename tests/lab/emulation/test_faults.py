@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from homes import arm_with_servos
 
 from s2c2a.arm import load_arm
 from s2c2a.errors import S2C2AError
@@ -131,9 +132,7 @@ def test_faults_after_the_first_torque_wait_for_it(tmp_path):
 
 
 def test_a_servo_without_stuffing_cannot_have_its_fault(tmp_path):
-    table = {"ids": [[1, 2, 3], [4, 5, 6], [7, 8, 9]], "protocol": "feetech"}
-    table["model"] = "sts3215"
-    arm = type(ARM).model_validate(ARM.model_dump() | {"servos": table})
+    arm = arm_with_servos(protocol="feetech", model="sts3215")
     options = EmulatorOptions(faults=("1 stuffed 1",), link=tmp_path / "port")
     with pytest.raises(S2C2AError, match="stuffed"):
         Emulator(arm, options)

@@ -5,9 +5,9 @@ from contextlib import contextmanager
 from itertools import pairwise
 
 import numpy as np
-from homes import calibration_with
+from homes import arm_with_servos, calibration_with
 
-from s2c2a.arm import ArmGeometry, load_arm, save_arm, servos_of
+from s2c2a.arm import ArmGeometry, save_arm, servos_of
 from s2c2a.lab.hardware.calibration import save_calibration
 from s2c2a.lab.hardware.servo_robot import DynamixelRobot, FeetechRobot
 from s2c2a.runtime import Loop, Patience, StepRequest
@@ -17,7 +17,6 @@ from s2c2a.spaces import Stage
 PERIOD = 4.0  # s of the motion
 SHARE = 0.35  # of the full bend
 UNSOUND = 0.3  # s without a sound reading before the arm moves to rest
-IDS = [[1, 2, 3], [4, 5, 6], [7, 8, 9]]
 MODELS = {"dynamixel": "xl330-m288", "feetech": "sts3215"}
 
 
@@ -67,13 +66,10 @@ class ArmOnAWire:
         self.emulator = emulator
         self.port = folder / "port"
         self.arm_file = folder / "arm.toml"
-        table = {"protocol": protocol, "model": MODELS[protocol], "ids": IDS}
+        table = {"protocol": protocol, "model": MODELS[protocol]}
         if protocol == "feetech":
             table["limits"] = {"high_voltage": 8.4}
-        base = load_arm("twin_arm")
-        self.arm = arm or type(base).model_validate(
-            base.model_dump() | {"servos": table}
-        )
+        self.arm = arm or arm_with_servos(**table)
         save_arm(self.arm, self.arm_file)
         self.calibration = folder / "calibration.json"
         self.records = []

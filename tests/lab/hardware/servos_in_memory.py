@@ -4,8 +4,9 @@ import time
 from types import SimpleNamespace
 
 import numpy as np
+from homes import arm_with_servos
 
-from s2c2a.arm import load_arm, save_arm
+from s2c2a.arm import save_arm
 from s2c2a.lab.emulation.emulator import PROTOCOLS
 from s2c2a.lab.emulation.faults import LineFaults
 from s2c2a.lab.emulation.servo import MotorState
@@ -164,14 +165,8 @@ def serve(port, monkeypatch):
 
 def arm_file(folder, protocol="dynamixel", **table):
     """An arm file whose servos have a model and limits."""
-    servos = {
-        "protocol": protocol,
-        "model": MODELS[protocol],
-        "ids": np.reshape(IDS, (3, 3)).tolist(),
-        "limits": {"high_voltage": 8.4},
-    }
-    base = load_arm("twin_arm")
-    arm = type(base).model_validate(base.model_dump() | {"servos": servos | table})
+    limits = {"high_voltage": 8.4}
+    servos = {"protocol": protocol, "model": MODELS[protocol], "limits": limits}
     path = folder / "arm.toml"
-    save_arm(arm, path)
+    save_arm(arm_with_servos(**servos | table), path)
     return str(path)

@@ -450,6 +450,7 @@ def test_one_silent_servo_is_named_and_a_silent_bus_told_apart(
     bench.port.silence(silent)
     with pytest.raises(BusError, match=text):
         bench.run(verb)
+    assert not any(servo.torque for servo in bench.port.servos)
 
 
 @pytest.mark.slow

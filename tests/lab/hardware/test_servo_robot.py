@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fake_servo_bus import FakeClock, FakeServoBus
-from homes import calibration_with
+from fake_servo_bus import FakeServoBus
+from homes import arm_with_servos, calibration_with
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from servos_in_memory import Clock
 
-from s2c2a.arm import ArmGeometry, load_arm
+from s2c2a.arm import ArmGeometry
 from s2c2a.errors import ActionError, RobotError
 from s2c2a.lab.hardware.bus import BusError, HardwareError
 from s2c2a.lab.hardware.calibration import save_calibration
@@ -17,15 +18,8 @@ from s2c2a.lab.hardware.servo_robot import DynamixelRobot
 from s2c2a.lab.hardware.winch import Winches
 from s2c2a.runtime.emergency import EmergencyStop, EmergencyStopError
 
-BASE = load_arm("twin_arm")
 IDS = list(range(1, 10))
 HOME = 1000  # ticks
-
-
-def arm_with(limits=None, **servos):
-    """An arm with a table `[servos]`."""
-    table = {"ids": np.reshape(IDS, (3, 3)).tolist(), "limits": limits or {}, **servos}
-    return type(BASE).model_validate(BASE.model_dump() | {"servos": table})
 
 
 class Bench:
@@ -33,7 +27,7 @@ class Bench:
 
     def __init__(self, folder, arm, patch):
         self.arm = arm
-        self.clock = FakeClock()
+        self.clock = Clock()
         self.bus = FakeServoBus(IDS, self.clock)
         for id, state in self.bus.states.items():
             self.bus.states[id] = replace(state, position=HOME)
@@ -56,8 +50,8 @@ class Bench:
 
 @pytest.fixture
 def make_bench(tmp_path, monkeypatch):
-    def make(*limits, **servos):
-        return Bench(tmp_path, arm_with(*limits, **servos), monkeypatch)
+    def make(**servos):
+        return Bench(tmp_path, arm_with_servos(**servos), monkeypatch)
 
     return make
 
@@ -86,7 +80,7 @@ LIMITS = st.fixed_dictionaries(
 @settings(max_examples=60, deadline=None)
 @given(LIMITS, st.lists(st.tuples(PAUSES, ACTIONS), min_size=1, max_size=25))
 def test_no_command_on_the_wire_exceeds_a_limit(tmp_path_factory, limits, steps):
-    arm = arm_with(limits)
+    arm = arm_with_servos(limits=limits)
     with pytest.MonkeyPatch.context() as patch:
         bench = Bench(tmp_path_factory.mktemp("limits"), arm, patch)
         bench.robot.open()
@@ -177,7 +171,7 @@ def test_an_arm_with_a_faulty_servo_does_not_open(make_bench, change, text):
 
 
 def test_an_arm_out_of_its_range_does_not_open(make_bench):
-    bench = make_bench({"displacement": 0.01})
+    bench = make_bench(limits={"displacement": 0.01})
     state = bench.bus.states[5]
     bench.bus.states[5] = replace(state, position=HOME + 2000)
     with pytest.raises(RobotError, match=r"servos \[5\] stand at \[30\.7\] mm"):
@@ -193,7 +187,7 @@ def test_turns_that_servos_forgot_do_not_move_the_arm(make_bench):
 
 
 def test_cables_of_more_than_a_turn_are_announced(tmp_path, monkeypatch):
-    arm = arm_with()
+    arm = arm_with_servos()
     motor = arm.motor.model_copy(update={"pulley_radius": 0.006})
     bench = Bench(tmp_path, arm.model_copy(update={"motor": motor}), monkeypatch)
     with pytest.warns(UserWarning, match="home the arm again after every loss"):
@@ -247,7 +241,7 @@ def test_an_emergency_stop_ends_the_way_to_rest_of_an_arm_that_opens(
 
 
 def test_the_way_to_rest_is_within_rate_and_acceleration(make_bench):
-    bench = make_bench({"speed": 5.0})
+    bench = make_bench(limits={"speed": 5.0})
     bench.bus.states[5] = replace(bench.bus.states[5], position=HOME + 1500)
     bench.robot.open()
     times, commands = bench.commands

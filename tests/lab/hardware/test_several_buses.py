@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from arm_on_a_wire import ArmOnAWire
+from homes import arm_with_servos
 
 from s2c2a.arm import load_arm, save_arm, servos_of
 from s2c2a.arm.files import arm_from_toml, arm_to_toml
@@ -29,13 +30,10 @@ def arm_on(
     table = {
         "model": proximal,
         "port": str(folder / "port"),
-        "ids": [[1, 2, 3], [4, 5, 6], DISTAL],
         "limits": {"current": 0.6, "high_voltage": 12.0},
         "groups": [group],
     }
-    base = load_arm("twin_arm")
-    text = arm_to_toml(type(base).model_validate(base.model_dump() | {"servos": table}))
-    arm = arm_from_toml(text)
+    arm = arm_from_toml(arm_to_toml(arm_with_servos(**table)))
     assert arm_from_toml(arm_to_toml(arm)) == arm
     return arm
 
