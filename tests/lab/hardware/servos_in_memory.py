@@ -147,12 +147,15 @@ class ServosInMemory:
         return abs(command.goal - max(servo.state.ticks, self.taut))
 
 
+def replace_ports(monkeypatch, make):
+    """Let every serial port that is opened from now on be made by a function."""
+    serial = SimpleNamespace(Serial=make, SerialTimeoutException=TimeoutError)
+    monkeypatch.setattr("s2c2a.lab.hardware.serial_line.import_serial", lambda: serial)
+
+
 def serve(port, monkeypatch):
     """Let every serial port that is opened from now on be this one."""
-    module = SimpleNamespace(
-        Serial=lambda *_, **__: port, SerialTimeoutException=TimeoutError
-    )
-    monkeypatch.setattr("s2c2a.lab.hardware.serial_line.import_serial", lambda: module)
+    replace_ports(monkeypatch, lambda *_, **__: port)
     for name in ("EXCHANGE_MARGIN", "LISTEN_MARGIN", "QUIET_TIME"):
         monkeypatch.setattr(f"s2c2a.lab.hardware.serial_bus.{name}", 0.001)
     for protocol in ("dynamixel", "feetech"):

@@ -42,6 +42,13 @@ def test_no_servo_keeps_its_torque_when_one_fails_to_switch_on(monkeypatch):
     assert not any(bus.torques.values())
 
 
+def test_homing_names_servos_that_do_not_answer_before_anything_moves():
+    bus = FakeServoBus(IDS, Clock())
+    with pytest.raises(BusError, match=r"no answer from servos \[8, 9\]"):
+        BringUp(bus, ARM, lambda _: True, print).home(bus.scan(range(1, 8)))
+    assert bus.torques == {}
+
+
 def test_a_check_does_not_move_an_arm_whose_calibration_does_not_fit():
     servos = servos_of(ARM)
     limits = servos.limits.model_copy(update={"displacement": 0.01})

@@ -149,14 +149,23 @@ def test_a_jogged_servo_stops_and_holds_by_its_watchdog_afterwards(make_bench):
 
 
 @needs_signals
-@pytest.mark.parametrize("protocol", PROTOCOLS)
+@pytest.mark.usefixtures("interruptible")
+@pytest.mark.parametrize(
+    ("protocol", "name", "error"),
+    [
+        ("dynamixel", "SIGUSR1", EmergencyStopError),
+        ("feetech", "SIGUSR1", EmergencyStopError),
+        ("dynamixel", "SIGINT", KeyboardInterrupt),
+        ("dynamixel", "SIGTERM", KeyboardInterrupt),
+    ],
+)
 @pytest.mark.parametrize("verb", ["jog", "home", "check"])
-def test_the_emergency_signal_releases_the_servos_in_every_verb(
-    make_bench, verb, protocol
+def test_a_signal_to_stop_or_to_end_releases_the_servos_in_every_verb(
+    make_bench, verb, protocol, name, error
 ):
     bench = make_bench(protocol)
-    sent = bench.signal_while_moving("SIGUSR1")
-    with pytest.raises(EmergencyStopError, match="SIGUSR1"):
+    sent = bench.signal_while_moving(name)
+    with pytest.raises(error), interrupts_as_exceptions():
         bench.run(verb)
     assert sent
     assert not any(servo.torque for servo in bench.port.servos)
@@ -168,7 +177,7 @@ def test_the_emergency_signal_holds_the_servos_where_they_are_if_so_configured(
 ):
     bench = make_bench(on_emergency="hold")
     bench.signal_while_moving("SIGUSR1")
-    with pytest.raises(EmergencyStopError):
+    with pytest.raises(EmergencyStopError, match="SIGUSR1"):
         bench.run("jog")
     assert bench.port[2].torque
     assert bench.port.lead(bench.port[2]) <= 1
@@ -188,18 +197,6 @@ def test_an_emergency_stop_at_a_question_releases_the_modules_homed_before(
     monkeypatch.setattr(motors, "_confirm", confirm)
     with pytest.raises(EmergencyStopError):
         bench.run("home")
-    assert not any(servo.torque for servo in bench.port.servos)
-
-
-@needs_signals
-@pytest.mark.usefixtures("interruptible")
-@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
-@pytest.mark.parametrize("verb", ["jog", "home", "check"])
-def test_a_request_to_end_releases_the_servos_in_every_verb(make_bench, verb, name):
-    bench = make_bench()
-    bench.signal_while_moving(name)
-    with pytest.raises(KeyboardInterrupt), interrupts_as_exceptions():
-        bench.run(verb)
     assert not any(servo.torque for servo in bench.port.servos)
 
 
