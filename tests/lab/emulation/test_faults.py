@@ -116,12 +116,16 @@ def test_a_hot_servo_shuts_down_within_seconds(emulator):
     assert 2 < seconds < 20
 
 
-def test_faults_after_the_first_torque_wait_for_it(tmp_path):
-    options = EmulatorOptions(faults=("torque+1 overload 1",), link=tmp_path / "port")
+def test_faults_wait_for_their_time_and_for_the_first_torque(tmp_path):
+    faults = ("torque+1 overload 1", "4 overload 2")
+    options = EmulatorOptions(faults=faults, link=tmp_path / "port")
     emulator = Emulator(ARM, options)
-    servo = emulator.servos[0]
-    for emulator.now in (0.0, 5.0):
+    servo, timed = emulator.servos[:2]
+    errors = []
+    for emulator.now in (0.0, 3.9, 5.0):
         emulator.serve()
+        errors.append(timed.errors)
+    assert errors == [(), (), ("overload",)]
     servo["torque_enable"] = 1
     for emulator.now in (6.0, 6.9):
         emulator.serve()
