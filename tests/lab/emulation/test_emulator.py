@@ -4,15 +4,17 @@ import json
 import signal
 import subprocess
 import sys
-import time
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
+from homes import arm_with_servos
 
 from s2c2a.arm import load_arm
 from s2c2a.cli.main import main
 from s2c2a.errors import S2C2AError
 from s2c2a.lab.emulation.emulator import Emulator, EmulatorOptions
+from waiting import until
 
 ARM = load_arm("twin_arm")
 PATIENCE = 300.0  # s
@@ -26,21 +28,40 @@ ids = [[1, 2, 3], [4, 5, 6], [7, 8, 9]]
 """
 
 
-def start(folder, *options):
-    """Start the command; returns its process and the name of its port."""
+class Library:
+    """A manufacturer's library at a port."""
+
+    def __init__(self, sdk, version, name):
+        self.sdk = sdk
+        self.port = sdk.PortHandler(name)
+        self.packets = sdk.PacketHandler(version)
+
+    def positions(self, address, size, is_fast=False):
+        read = self.sdk.GroupSyncRead(self.port, self.packets, address, size)
+        assert all(read.addParam(id) for id in range(1, 10))
+        exchange = read.fastSyncRead if is_fast else read.txRxPacket
+        repeat(exchange, lambda result: result == 0)
+        return [read.getData(id, address, size) for id in range(1, 10)]
+
+
+@contextmanager
+def emulated(folder, sdk, version, *options):
+    """Start the command, and let a library open its port."""
     port_file = folder / "name"
-    command = [sys.executable, "-m", "s2c2a", "emulate", "servos"]
+    command = [sys.executable, "-m", "s2c2a", "emulate", "servos", "--homed"]
     command += ["--link", str(folder / "port"), "--port-file", str(port_file)]
     process = subprocess.Popen([*command, *map(str, options)])
-    limit = time.monotonic() + PATIENCE
-    while not port_file.exists() and time.monotonic() < limit:
-        time.sleep(0.05)
-    return process, port_file.read_text().strip()
-
-
-def stop(process):
-    process.send_signal(signal.SIGTERM)
-    return process.wait(PATIENCE)
+    until(port_file.exists)
+    library = Library(sdk, version, port_file.read_text().strip())
+    try:
+        assert library.port.setBaudRate(1_000_000)
+        yield library
+    finally:
+        library.port.closePort()
+        process.send_signal(signal.SIGTERM)
+        code = process.wait(PATIENCE)
+    assert code == 0
+    assert not (folder / "port").exists()
 
 
 def repeat(exchange, is_good):
@@ -52,56 +73,36 @@ def repeat(exchange, is_good):
     pytest.fail(f"no valid answer in {SYNC_TRIES} tries, last {result}")
 
 
-def torque_of_third(status_file):
-    """Whether the third servo has torque, as the status states from time to time."""
-    return json.loads(status_file.read_text())["servos"][2]["torque"]
-
-
 def test_the_dynamixel_library_drives_the_servos(tmp_path):
     sdk = pytest.importorskip("dynamixel_sdk")
     status_file = tmp_path / "status.json"
-    process, name = start(tmp_path, "--status-file", status_file, "--homed")
-    port = sdk.PortHandler(name)
-    packets = sdk.PacketHandler(2.0)
-    try:
-        assert port.setBaudRate(1_000_000)
-        model = repeat(lambda: packets.ping(port, 3), lambda answer: answer[1] == 0)
-        for register, value in ((11, 4), (64, 1)):
+
+    def has_torque():
+        """Whether the third servo has torque, as the status states from time to time."""
+        return json.loads(status_file.read_text())["servos"][2]["torque"]
+
+    with emulated(tmp_path, sdk, 2.0, "--status-file", status_file) as library:
+        port, packets = library.port, library.packets
+
+        def write(register, value, error=0):
             repeat(
-                lambda register=register, value=value: packets.write1ByteTxRx(
-                    port, 3, register, value
-                ),
-                lambda answer: answer == (0, 0),
+                lambda: packets.write1ByteTxRx(port, 3, register, value),
+                lambda answer: answer == (0, error),
             )
-        locked = repeat(
-            lambda: packets.write1ByteTxRx(port, 3, 11, 3), lambda answer: not answer[0]
-        )
-        read = sdk.GroupSyncRead(port, packets, 132, 4)
-        assert all(read.addParam(id) for id in range(1, 10))
-        repeat(read.txRxPacket, lambda result: result == 0)
-        slow = [read.getData(id, 132, 4) for id in range(1, 10)]
-        repeat(read.fastSyncRead, lambda result: result == 0)
-        fast = [read.getData(id, 132, 4) for id in range(1, 10)]
-        write = sdk.GroupSyncWrite(port, packets, 116, 4)
-        write.addParam(3, list((slow[2] + 200).to_bytes(4, "little")))
-        write.txPacket()
-        moved = slow[2]
-        limit = time.monotonic() + PATIENCE
-        while abs(moved - slow[2] - 200) > 20 and time.monotonic() < limit:
-            repeat(read.txRxPacket, lambda result: result == 0)
-            moved = read.getData(3, 132, 4)
-        while not torque_of_third(status_file) and time.monotonic() < limit:
-            time.sleep(0.05)
-    finally:
-        port.closePort()
-        code = stop(process)
-    assert model[0] == 1200
-    assert locked[1] == 7
-    assert max(abs(a - b) for a, b in zip(slow, fast, strict=True)) < 20
-    assert moved == pytest.approx(slow[2] + 200, abs=20)
-    assert code == 0
-    assert torque_of_third(status_file)
-    assert not (tmp_path / "port").exists()
+
+        model = repeat(lambda: packets.ping(port, 3), lambda answer: answer[1] == 0)
+        assert model[0] == 1200
+        write(11, 4)
+        write(64, 1)
+        write(11, 3, error=7)  # locked
+        slow = library.positions(132, 4)
+        fast = library.positions(132, 4, is_fast=True)
+        assert max(abs(a - b) for a, b in zip(slow, fast, strict=True)) < 20
+        goals = sdk.GroupSyncWrite(port, packets, 116, 4)
+        goals.addParam(3, list((slow[2] + 200).to_bytes(4, "little")))
+        goals.txPacket()
+        until(lambda: abs(library.positions(132, 4)[2] - slow[2] - 200) <= 20)
+        until(has_torque)
 
 
 def test_the_feetech_library_drives_the_servos(tmp_path):
@@ -109,29 +110,21 @@ def test_the_feetech_library_drives_the_servos(tmp_path):
     arm_file = tmp_path / "arm.toml"
     main(["arm", "copy", "twin_arm", str(arm_file)])
     arm_file.write_text(arm_file.read_text() + FEETECH_SERVOS)
-    process, name = start(tmp_path, "--arm", arm_file, "--homed")
-    port = sdk.PortHandler(name)
-    packets = sdk.PacketHandler(0)
-    try:
-        assert port.setBaudRate(1_000_000)
-        model = repeat(lambda: packets.ping(port, 3), lambda answer: answer[1] == 0)
-        read = sdk.GroupSyncRead(port, packets, 56, 2)
-        assert all(read.addParam(id) for id in range(1, 10))
-        repeat(read.txRxPacket, lambda result: result == 0)
-        positions = [read.getData(id, 56, 2) for id in range(1, 10)]
-    finally:
-        port.closePort()
-        code = stop(process)
-    assert model[0] == 777
-    assert all(0 <= position < 4096 for position in positions)
-    assert code == 0
+    with emulated(tmp_path, sdk, 0, "--arm", arm_file) as library:
+        model = repeat(
+            lambda: library.packets.ping(library.port, 3),
+            lambda answer: answer[1] == 0,
+        )
+        assert model[0] == 777
+        assert all(0 <= position < 4096 for position in library.positions(56, 2))
 
 
 def test_positions_follow_from_directions_and_home(tmp_path):
     directions = [[1, -1, 1], [-1, 1, 1], [1, 1, -1]]
     table = {"ids": [[9, 8, 7], [6, 5, 4], [3, 2, 1]], "directions": directions}
-    arm = type(ARM).model_validate(ARM.model_dump() | {"servos": table})
-    emulator = Emulator(arm, EmulatorOptions(link=tmp_path / "port"))
+    emulator = Emulator(
+        arm_with_servos(**table), EmulatorOptions(link=tmp_path / "port")
+    )
     winch = emulator.winches[1]
     before = winch.servo.position
     winch.servo["operating_mode"] = 4
@@ -147,8 +140,7 @@ def test_positions_follow_from_directions_and_home(tmp_path):
 
 
 def test_a_baud_rate_that_the_servos_do_not_know_is_refused():
-    table = {"ids": [[1, 2, 3], [4, 5, 6], [7, 8, 9]], "baud_rate": 500_000}
-    arm = type(ARM).model_validate(ARM.model_dump() | {"servos": table})
+    arm = arm_with_servos(baud_rate=500_000)
     with pytest.raises(S2C2AError, match="choose one of 9600, 57600"):
         Emulator(arm, EmulatorOptions())
 
@@ -160,16 +152,3 @@ def test_the_emulator_ends_after_its_duration(tmp_path):
     emulator.run(names.append)
     assert names == [str(tmp_path / "port")]
     assert not (tmp_path / "port").exists()
-
-
-def test_a_port_returns_after_it_was_unplugged(tmp_path):
-    faults = ("0.1 unplug 0.2",)
-    options = EmulatorOptions(faults=faults, link=tmp_path / "port")
-    emulator = Emulator(ARM, options)
-    emulator.line.plug()
-    plugged = []
-    for emulator.now in (0.05, 0.15, 0.25, 0.4):
-        emulator.serve()
-        plugged.append((tmp_path / "port").exists())
-    emulator.line.unplug()
-    assert plugged == [True, False, False, True]

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from homes import arm_with_servos
 
 from s2c2a.arm import load_arm
 from s2c2a.errors import S2C2AError
@@ -24,6 +25,12 @@ def make_disturbances(kind, *values):
     disturbances = LineFaults(np.random.default_rng(0))
     disturbances.values[kind] = values
     return disturbances
+
+
+def occur(emulator, *texts):
+    """Let faults occur."""
+    for fault in GRAMMAR.parse([f"0 {text}" for text in texts], IDS):
+        apply_fault(fault, emulator)
 
 
 def test_faults_are_parsed():
@@ -85,17 +92,8 @@ def test_a_share_of_the_answers_is_hit_and_none_after_share_zero():
 
 def test_faults_reach_servos_and_cables(emulator):
     emulator.now = 10.0
-    for text in (
-        "gone 1 0.5",
-        "reboot 2",
-        "overload 3",
-        "stalled 4",
-        "snapped 5",
-        "stuffed 6",
-        "voltage 4.0",
-    ):
-        (fault,) = GRAMMAR.parse([f"0 {text}"], IDS)
-        apply_fault(fault, emulator)
+    occur(emulator, "gone 1 0.5", "reboot 2", "overload 3", "stalled 4", "snapped 5")
+    occur(emulator, "stuffed 6", "voltage 4.0")
     servos = emulator.servos
     assert [servo.is_present(10.2) for servo in servos[:3]] == [False, False, True]
     assert servos[0].is_present(10.6)
@@ -109,7 +107,7 @@ def test_faults_reach_servos_and_cables(emulator):
 
 def test_a_hot_servo_shuts_down_within_seconds(emulator):
     servo = emulator.servos[8]
-    apply_fault(Fault(0.0, "hot", ("9",)), emulator)
+    occur(emulator, "hot 9")
     seconds = 0
     while not servo.errors and seconds < 60:
         servo.update(servo.state, 1.0, 0.0)
@@ -118,12 +116,16 @@ def test_a_hot_servo_shuts_down_within_seconds(emulator):
     assert 2 < seconds < 20
 
 
-def test_faults_after_the_first_torque_wait_for_it(tmp_path):
-    options = EmulatorOptions(faults=("torque+1 overload 1",), link=tmp_path / "port")
+def test_faults_wait_for_their_time_and_for_the_first_torque(tmp_path):
+    faults = ("torque+1 overload 1", "4 overload 2")
+    options = EmulatorOptions(faults=faults, link=tmp_path / "port")
     emulator = Emulator(ARM, options)
-    servo = emulator.servos[0]
-    for emulator.now in (0.0, 5.0):
+    servo, timed = emulator.servos[:2]
+    errors = []
+    for emulator.now in (0.0, 3.9, 5.0):
         emulator.serve()
+        errors.append(timed.errors)
+    assert errors == [(), (), ("overload",)]
     servo["torque_enable"] = 1
     for emulator.now in (6.0, 6.9):
         emulator.serve()
@@ -134,17 +136,14 @@ def test_faults_after_the_first_torque_wait_for_it(tmp_path):
 
 
 def test_a_servo_without_stuffing_cannot_have_its_fault(tmp_path):
-    table = {"ids": [[1, 2, 3], [4, 5, 6], [7, 8, 9]], "protocol": "feetech"}
-    table["model"] = "sts3215"
-    arm = type(ARM).model_validate(ARM.model_dump() | {"servos": table})
+    arm = arm_with_servos(protocol="feetech", model="sts3215")
     options = EmulatorOptions(faults=("1 stuffed 1",), link=tmp_path / "port")
     with pytest.raises(S2C2AError, match="stuffed"):
         Emulator(arm, options)
 
 
 def test_a_servo_states_another_model(emulator):
-    (fault,) = GRAMMAR.parse(["0 model 3 1020"], IDS)
-    apply_fault(fault, emulator)
+    occur(emulator, "model 3 1020")
     numbers = [servo["model_number"] for servo in emulator.servos]
     assert numbers[2] == 1020
     assert set(numbers[:2] + numbers[3:]) == {1200}
@@ -152,8 +151,7 @@ def test_a_servo_states_another_model(emulator):
 
 @pytest.mark.parametrize(("text", "doubled"), [("twin 4", False), ("twin 4 1", True)])
 def test_a_twin_answers_too(emulator, text, doubled):
-    (fault,) = GRAMMAR.parse([f"0 {text}"], IDS)
-    apply_fault(fault, emulator)
+    occur(emulator, text)
     measured, identity = bytes(range(100, 130)), bytes(range(12))
     answers = [Reply(4, measured, 0.0), Reply(4, identity, 0.0)]
     other = Reply(5, measured, 0.0)

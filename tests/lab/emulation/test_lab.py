@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -13,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from homes import calibration_with
-from streams import PATIENCE, free_port
+from streams import PATIENCE, free_port, wait_until
 
 from s2c2a import data
 from s2c2a.arm import load_arm
@@ -90,9 +89,7 @@ def laboratory(tmp_path, monkeypatch):
 
 
 def save_homes(status_file):
-    end = time.monotonic() + PATIENCE
-    while not status_file.exists() and time.monotonic() < end:
-        time.sleep(0.05)
+    wait_until(status_file.exists)
     servos = json.loads(status_file.read_text())["servos"]
     homes = {servo["id"]: servo["position"] for servo in servos}
     arm = load_arm("lab/arm.toml")

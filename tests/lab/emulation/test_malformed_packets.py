@@ -14,12 +14,13 @@ INSTRUCTIONS = st.sampled_from(
     [1, 2, 3, 4, 5, 6, 8, 0x10, 0x82, 0x83, 0x8A, 0x92, 0x93, 0x9A, 0x55, 0x77]
 )
 IDS = st.sampled_from([1, 2, 3, 0xFE])
-
-
-@pytest.mark.parametrize(
+each_protocol = pytest.mark.parametrize(
     ("protocol", "kind"),
     [(dynamixel_protocol, DynamixelProtocol), (feetech_protocol, FeetechProtocol)],
 )
+
+
+@each_protocol
 @given(id=IDS, instruction=INSTRUCTIONS, parameters=st.binary(max_size=40))
 def test_any_parameters_are_answered_or_ignored(
     protocol, kind, id, instruction, parameters
@@ -32,10 +33,7 @@ def test_any_parameters_are_answered_or_ignored(
     assert all(one.id in (1, 2) or instruction == 3 for one in answers)
 
 
-@pytest.mark.parametrize(
-    ("protocol", "kind"),
-    [(dynamixel_protocol, DynamixelProtocol), (feetech_protocol, FeetechProtocol)],
-)
+@each_protocol
 @given(noise=st.binary(max_size=60))
 def test_noise_does_not_stop_the_decoder(protocol, kind, noise):
     decoder = kind.decoder()

@@ -98,12 +98,6 @@ def test_millimeters_end_when_the_fault_comes_again():
     assert heights == pytest.approx([100.0] * 5 + [0.1] * 5)
 
 
-def test_incomplete_datagrams_lack_a_key():
-    texts = [json.dumps(one) for one in datagrams("0 incomplete 1")]
-    complete = json.dumps(datagrams()[-1])
-    assert max(map(len, texts)) < len(complete)
-
-
 def test_one_emulator_serves_every_protocol():
     options = DatagramOptions(receiver=("127.0.0.1", 9))
     emulator = MocapEmulator(load_arm("twin_arm"), options, duration=0.1)

@@ -21,15 +21,6 @@ def update(servo, now=0.0, seconds=CHUNK, **state):
     servo.update(MotorState(**state), seconds, now)
 
 
-def test_torque_locks_the_eeprom(servo):
-    write(servo, "torque_enable", 1)
-    with pytest.raises(RefusalError, match="locked"):
-        write(servo, "operating_mode", 4)
-    write(servo, "torque_enable", 0)
-    write(servo, "operating_mode", 4)
-    assert read(servo, "operating_mode") == 4
-
-
 @pytest.mark.parametrize("mode", [0, 1, 2, 16])
 def test_an_operating_mode_that_does_not_wind_to_positions_is_refused(servo, mode):
     with pytest.raises(RefusalError, match="out of range"):

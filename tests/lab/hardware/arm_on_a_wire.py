@@ -2,18 +2,13 @@
 
 import re
 from contextlib import contextmanager
-from datetime import UTC, datetime
 from itertools import pairwise
 
 import numpy as np
+from homes import arm_with_servos, calibration_with
 
-from s2c2a.arm import ArmGeometry, load_arm, save_arm, servos_of
-from s2c2a.lab.emulation.xl330 import firmware_of
-from s2c2a.lab.hardware.calibration import (
-    CalibratedServo,
-    Calibration,
-    save_calibration,
-)
+from s2c2a.arm import ArmGeometry, save_arm, servos_of
+from s2c2a.lab.hardware.calibration import save_calibration
 from s2c2a.lab.hardware.servo_robot import DynamixelRobot, FeetechRobot
 from s2c2a.runtime import Loop, Patience, StepRequest
 from s2c2a.runtime.record import build_episode
@@ -22,8 +17,7 @@ from s2c2a.spaces import Stage
 PERIOD = 4.0  # s of the motion
 SHARE = 0.35  # of the full bend
 UNSOUND = 0.3  # s without a sound reading before the arm moves to rest
-IDS = [[1, 2, 3], [4, 5, 6], [7, 8, 9]]
-MODELS = {"dynamixel": ("xl330-m288", 52), "feetech": ("sts3215", 310)}
+MODELS = {"dynamixel": "xl330-m288", "feetech": "sts3215"}
 
 
 class Swing:
@@ -68,44 +62,21 @@ class ArmOnAWire:
         records: of all steps so far.
     """
 
-    def __init__(self, emulator, folder, protocol="dynamixel", homed=True, arm=None):
+    def __init__(self, emulator, folder, protocol="dynamixel", arm=None):
         self.emulator = emulator
         self.port = folder / "port"
         self.arm_file = folder / "arm.toml"
-        model, firmware = MODELS[protocol]
-        table = {"protocol": protocol, "model": model, "ids": IDS}
+        table = {"protocol": protocol, "model": MODELS[protocol]}
         if protocol == "feetech":
             table["limits"] = {"high_voltage": 8.4}
-        base = load_arm("twin_arm")
-        self.arm = arm or type(base).model_validate(
-            base.model_dump() | {"servos": table}
-        )
+        self.arm = arm or arm_with_servos(**table)
         save_arm(self.arm, self.arm_file)
         self.calibration = folder / "calibration.json"
         self.records = []
-        self.emulator.start(self.arm_file, self.port, homed=homed)
-        self._save_homes(firmware)
-
-    def _save_homes(self, firmware):
-        table = servos_of(self.arm)
-
-        def version(id):
-            if table.protocol == "feetech":
-                return firmware
-            return firmware_of(table.of(id).model_number, firmware)
-
-        servos = [
-            CalibratedServo(
-                id=servo["id"],
-                model=table.of(servo["id"]).model,
-                firmware=version(servo["id"]),
-                home=servo["position"],
-            )
-            for servo in self.emulator.status()["servos"]
-        ]
-        date = datetime(2026, 1, 1, tzinfo=UTC)
-        calibration = Calibration(arm=self.arm.name, date=date, servos=tuple(servos))
-        save_calibration(calibration, self.calibration)
+        self.emulator.start(self.arm_file, self.port, homed=True)
+        servos = self.emulator.status()["servos"]
+        homes = {servo["id"]: servo["position"] for servo in servos}
+        save_calibration(calibration_with(self.arm, homes), self.calibration)
 
     def robot(self, **options):
         kind = {"dynamixel": DynamixelRobot, "feetech": FeetechRobot}
@@ -129,21 +100,15 @@ class ArmOnAWire:
     def steps(self, count):
         return [self.loop.tick(StepRequest()) for _ in range(count)]
 
-    def fault_after(self, injected, most=30):
-        """Let a fault occur; the number of steps until it is seen, and its text."""
-        before = self.loop.late_steps
-        self.emulator.inject(injected)
-        for count in range(1, most + 1):
-            (record,) = self.steps(1)
-            if record.fault:
-                return count + self.loop.late_steps - before, record.fault
-        raise AssertionError(f"{injected} was not seen in {most} steps")
-
     def sees(self, fault, pattern, most):
         """Let a fault occur, which is seen in a number of steps, in such words."""
-        count, text = self.fault_after(fault, most)
-        assert count <= most, f"{fault} was seen after {count} steps"
-        assert re.search(pattern, text), text
+        last = len(self.records) + self.loop.late_steps + most
+        self.emulator.inject(fault)
+        (record,) = self.steps(1)
+        while not record.fault and len(self.records) < last:
+            (record,) = self.steps(1)
+        assert len(self.records) + self.loop.late_steps <= last, f"{fault} seen late"
+        assert re.search(pattern, record.fault), f"{fault}: {record.fault}"
 
     def wound_in(self):
         """Servo of the cable that is wound in most."""
@@ -175,12 +140,8 @@ class ArmOnAWire:
 
     def servo(self, id):
         """State of one servo as the emulator knows it."""
-        (servo,) = [s for s in self.emulator.status()["servos"] if s["id"] == id]
-        return servo
-
-    def emulated(self, id):
-        """An emulated servo itself."""
-        return next(one for one in self.emulator._emulator.servos if one.id == id)
+        servos = self.emulator.status()["servos"]
+        return next(servo for servo in servos if servo["id"] == id)
 
     def places(self):
         """True displacement of every cable [m]."""
@@ -198,17 +159,14 @@ class ArmOnAWire:
         status = self.emulator.status()
         limits = servos_of(self.arm).limits
         tick = 2 * np.pi * self.arm.motor.pulley_radius / 4096
-        assert (
-            status["largest_command"]
-            <= ArmGeometry.of(self.arm).action_high.max() + tick
-        )
+        highest = ArmGeometry.of(self.arm).action_high.max()
+        assert status["largest_command"] <= highest + tick
         assert status["largest_current"] <= 1.05 * limits.current  # with its noise
 
     def check_records(self):
         """Assert that every step so far was recorded, with what was measured."""
-        assert [record.number for record in self.records] == list(
-            range(len(self.records))
-        )
+        numbers = [record.number for record in self.records]
+        assert numbers == list(range(len(numbers)))
         sound = [record for record in self.records if not record.fault]
         assert len(sound) >= 3
         assert all(np.isfinite(record.reading["cables"]).all() for record in sound)

@@ -3,7 +3,8 @@
 import sys
 import time
 from pathlib import Path
-from types import SimpleNamespace
+
+from servos_in_memory import replace_ports
 
 from s2c2a.arm import load_arm
 from s2c2a.lab.emulation.emulator import Emulator, EmulatorOptions
@@ -50,7 +51,7 @@ class Port:
 
     is_open = True
 
-    def __init__(self, emulator, name=""):
+    def __init__(self, emulator, name):
         lines = emulator.lines
         named = [line for line in lines if str(line.link) == name]
         self.line = (named or lines)[0]
@@ -98,13 +99,7 @@ class EmulatorInMemory:
     def __init__(self, monkeypatch):
         self.now = 100.0
         self._emulator = None
-        serial = SimpleNamespace(
-            Serial=lambda name, *_, **__: Port(self, str(name)),
-            SerialTimeoutException=TimeoutError,
-        )
-        monkeypatch.setattr(
-            "s2c2a.lab.hardware.serial_line.import_serial", lambda: serial
-        )
+        replace_ports(monkeypatch, lambda name, *_, **__: Port(self, str(name)))
         for name, module in list(sys.modules.items()):
             if name.startswith("s2c2a.") and getattr(module, "time", None) is time:
                 monkeypatch.setattr(module, "time", self)
@@ -125,6 +120,10 @@ class EmulatorInMemory:
     @property
     def lines(self):
         return self._emulator.lines
+
+    @property
+    def servos(self):
+        return self._emulator.servos
 
     def start(self, arm_file, link, **options):
         """Power the servos up, and plug the port in."""

@@ -1,4 +1,4 @@
-"""A servo bus in memory, and a clock, for tests of the robot above it."""
+"""A servo bus in memory, for tests of the robot above it."""
 
 from dataclasses import replace
 
@@ -12,19 +12,6 @@ from s2c2a.lab.hardware.bus import (
 
 WATCHDOG = 0.4  # s
 SOUND = ServoState(0, 0.0, 0.1, 5.0, 30.0)
-
-
-class FakeClock:
-    """Stands for the module `time`."""
-
-    def __init__(self):
-        self.now = 100.0
-
-    def perf_counter(self):
-        return self.now
-
-    def sleep(self, seconds):
-        self.now += seconds
 
 
 class FakeServoBus(ServoBus):

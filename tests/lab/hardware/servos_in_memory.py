@@ -4,8 +4,9 @@ import time
 from types import SimpleNamespace
 
 import numpy as np
+from homes import arm_with_servos
 
-from s2c2a.arm import load_arm, save_arm
+from s2c2a.arm import save_arm
 from s2c2a.lab.emulation.emulator import PROTOCOLS
 from s2c2a.lab.emulation.faults import LineFaults
 from s2c2a.lab.emulation.servo import MotorState
@@ -49,7 +50,6 @@ class ServosInMemory:
         loses: whether an instruction is lost on its way.
         spoil: changes of the answers of a servo, by id.
         echoes: whether the adapter returns what was sent.
-        failure: of a port that is gone.
     """
 
     is_open = True
@@ -69,7 +69,6 @@ class ServosInMemory:
         self.loses = lambda instruction: False
         self.spoil = {}
         self.echoes = False
-        self.failure = None
         self.watch = lambda: None
         self.disturbances = LineFaults(np.random.default_rng(0))
         self._decoder = self.protocol.decoder()
@@ -81,7 +80,6 @@ class ServosInMemory:
 
     @property
     def in_waiting(self):
-        self._check()
         return len(self._received)
 
     def read(self, count):
@@ -91,19 +89,17 @@ class ServosInMemory:
             time.sleep(0.001)  # a port waits, too
         return data
 
-    def _check(self):
-        if self.failure is not None:
-            raise self.failure
+    def silence(self, ids):
+        """Take servos from the wire."""
+        self.servos[:] = [servo for servo in self.servos if servo.id not in ids]
 
     def reset_input_buffer(self):
-        self._check()
         self._received.clear()
 
     def close(self):
         self.is_open = False
 
     def write(self, data):
-        self._check()
         self.sent.append(data)
         if self.echoes:
             self._received += data
@@ -151,12 +147,15 @@ class ServosInMemory:
         return abs(command.goal - max(servo.state.ticks, self.taut))
 
 
+def replace_ports(monkeypatch, make):
+    """Let every serial port that is opened from now on be made by a function."""
+    serial = SimpleNamespace(Serial=make, SerialTimeoutException=TimeoutError)
+    monkeypatch.setattr("s2c2a.lab.hardware.serial_line.import_serial", lambda: serial)
+
+
 def serve(port, monkeypatch):
     """Let every serial port that is opened from now on be this one."""
-    module = SimpleNamespace(
-        Serial=lambda *_, **__: port, SerialTimeoutException=TimeoutError
-    )
-    monkeypatch.setattr("s2c2a.lab.hardware.serial_line.import_serial", lambda: module)
+    replace_ports(monkeypatch, lambda *_, **__: port)
     for name in ("EXCHANGE_MARGIN", "LISTEN_MARGIN", "QUIET_TIME"):
         monkeypatch.setattr(f"s2c2a.lab.hardware.serial_bus.{name}", 0.001)
     for protocol in ("dynamixel", "feetech"):
@@ -170,14 +169,7 @@ def serve(port, monkeypatch):
 def arm_file(folder, protocol="dynamixel", **table):
     """An arm file whose servos have a model and limits."""
     limits = {"high_voltage": 8.4}
-    servos = {
-        "protocol": protocol,
-        "model": MODELS[protocol],
-        "ids": np.reshape(IDS, (3, 3)).tolist(),
-        "limits": limits,
-    }
-    base = load_arm("twin_arm")
-    arm = type(base).model_validate(base.model_dump() | {"servos": servos | table})
+    servos = {"protocol": protocol, "model": MODELS[protocol], "limits": limits}
     path = folder / "arm.toml"
-    save_arm(arm, path)
+    save_arm(arm_with_servos(**servos | table), path)
     return str(path)

@@ -14,17 +14,14 @@ from s2c2a.lab.hardware.calibration import (
 )
 
 ARM = load_arm("twin_arm")
+CALIBRATION = calibration_with(ARM, {id: 100 * id for id in range(1, 10)})
+SERVOS = CALIBRATION.servos
 
 
 @pytest.fixture
-def calibration():
-    return calibration_with(ARM, {id: 100 * id for id in range(1, 10)})
-
-
-@pytest.fixture
-def values(calibration):
+def values():
     """A calibration as its file has it."""
-    return calibration.model_dump(mode="json")
+    return CALIBRATION.model_dump(mode="json")
 
 
 def load(values, path):
@@ -32,14 +29,14 @@ def load(values, path):
     return load_calibration(path, ARM)
 
 
-def test_a_calibration_comes_back_from_its_file(calibration, tmp_path):
-    save_calibration(calibration, tmp_path / "file.json")
-    assert load_calibration(tmp_path / "file.json", ARM) == calibration
+def test_a_calibration_comes_back_from_its_file(tmp_path):
+    save_calibration(CALIBRATION, tmp_path / "file.json")
+    assert load_calibration(tmp_path / "file.json", ARM) == CALIBRATION
 
 
-def test_homes_have_the_places_of_the_cables(calibration):
+def test_homes_have_the_places_of_the_cables():
     expected = 100 * np.arange(1, 10).reshape(3, 3)
-    np.testing.assert_array_equal(calibration.home(ARM), expected)
+    np.testing.assert_array_equal(CALIBRATION.home(ARM), expected)
 
 
 def test_a_missing_file_tells_how_to_make_one(tmp_path):
@@ -53,24 +50,20 @@ def test_a_calibration_of_another_arm_is_refused(values, tmp_path):
         load(values, tmp_path / "file.json")
 
 
-def test_an_unfinished_calibration_is_refused(calibration):
-    unfinished = calibration.model_copy(update={"finished": False})
-    with pytest.raises(CalibrationError, match="--resume"):
-        unfinished.home(ARM)
+DIFFERING = SERVOS[0].model_copy(update={"spread": 0.0012})
 
 
-def test_a_calibration_whose_homings_differ_drives_no_arm(calibration):
-    servos = list(calibration.servos)
-    servos[4] = servos[4].model_copy(update={"spread": 0.0012})
-    differing = calibration.model_copy(update={"servos": tuple(servos)})
-    with pytest.raises(CalibrationError, match=r"differ by 1\.2 mm"):
-        differing.home(ARM)
-
-
-def test_a_calibration_without_a_servo_is_refused(calibration):
-    lacking = calibration.model_copy(update={"servos": calibration.servos[:-1]})
-    with pytest.raises(CalibrationError, match=r"lacks servos \[9\]"):
-        lacking.home(ARM)
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ({"finished": False}, "--resume"),
+        ({"servos": SERVOS[:-1]}, r"lacks servos \[9\]"),
+        ({"servos": (DIFFERING, *SERVOS[1:])}, r"differ by 1\.2 mm"),
+    ],
+)
+def test_a_calibration_that_is_unfinished_or_unsound_drives_no_arm(change, text):
+    with pytest.raises(CalibrationError, match=text):
+        CALIBRATION.model_copy(update=change).home(ARM)
 
 
 @pytest.mark.parametrize(
@@ -103,8 +96,3 @@ def test_a_huge_number_of_servos_is_refused(values, tmp_path):
     values["servos"] *= 200
     with pytest.raises(CalibrationError, match="calibration"):
         load(values, tmp_path / "file.json")
-
-
-def test_the_firmware_of_a_feetech_servo_fits(values, tmp_path):
-    values["servos"][0]["firmware"] = 310
-    assert load(values, tmp_path / "file.json").servos[0].firmware == 310

@@ -8,7 +8,7 @@ import pytest
 from servos_in_memory import IDS, START, Clock, ServosInMemory, arm_file, serve
 
 from s2c2a.arm import load_arm, servos_of
-from s2c2a.arm.servos import MODEL_NUMBERS, OwnModel, OwnRegisters
+from s2c2a.arm.servos import MODEL_NUMBERS, OwnRegisters
 from s2c2a.errors import S2C2AError
 from s2c2a.lab.cli import motors
 from s2c2a.lab.emulation.emulator import Emulator, EmulatorOptions
@@ -104,8 +104,8 @@ def test_a_model_of_the_arm_file_has_its_own_number_and_addresses(bench):
     _, arm = bench("xw430-t333", 1270, own_model=own)
     with opened(arm) as bus:
         assert bus.info(1).model == "xw430-t333"
-        assert bus.registers["goal_current"].address == 550
-        assert bus.registers["goal_current"].size == 2
+        goal_current = replace(tables.REGISTERS["goal_current"], address=550)
+        assert bus.registers["goal_current"] == goal_current
         assert bus.registers["position"] == tables.REGISTERS["position"]
         assert bus.model.indirect_data_of(52) == 634
         assert bus.torque_constant == 1.5
@@ -115,6 +115,7 @@ def test_a_model_of_the_arm_file_without_a_unit_measures_no_current(bench):
     _, arm = bench("xw430-t333", 1270, own_model=OWN)
     with opened(arm) as bus:
         assert not bus.has_current
+        assert bus.model.max_current == pytest.approx(885 * bus.model.current_unit)
         assert bus.limit_register == "goal_pwm"
 
 
@@ -132,13 +133,6 @@ def test_registers_of_arm_files_are_those_of_the_driver():
     everywhere = {"model_number", "firmware", "id", "baud_rate", "return_delay"}
     everywhere |= {"secondary_id", "startup_configuration"}
     assert own | everywhere == set(tables.REGISTERS)
-
-
-def test_own_addresses_keep_the_other_facts():
-    own = OwnModel.model_validate({**OWN, "registers": {"torque": 512}})
-    model = tables.model_of("mine", own)
-    assert model.registers["torque"] == replace(tables.REGISTERS["torque"], address=512)
-    assert model.max_current == pytest.approx(885 * model.current_unit)
 
 
 def test_the_emulator_refuses_addresses_that_it_does_not_have(bench):

@@ -4,10 +4,7 @@ import numpy as np
 import pytest
 from arm_on_a_wire import ArmOnAWire
 
-from s2c2a.arm import servos_of
-from s2c2a.lab.cli import motors
 from s2c2a.lab.emulation.xl330 import TORQUE_AT_START
-from s2c2a.lab.hardware import bring_up
 from s2c2a.lab.hardware.bus import PortLostError
 from s2c2a.lab.hardware.servo_robot import NO_WATCHDOG
 from s2c2a.runtime import check_robot
@@ -19,29 +16,20 @@ FOURTH = r"servo 4 \(module 2, cable 1\)"
 
 
 @pytest.fixture
-def make_wire(emulator, tmp_path, monkeypatch):
-    """Makes the arm of a test; in the end, no limit was exceeded."""
+def wire(emulator, tmp_path, monkeypatch):
+    """The arm of a test; in the end, no limit was exceeded."""
     monkeypatch.setattr("s2c2a.lab.hardware.servo_robot.SETTLING_TIME", 0.1)
-    wires = []
-
-    def make(protocol="dynamixel"):
-        wires.append(ArmOnAWire(emulator, tmp_path, protocol))
-        return wires[-1]
-
-    yield make
-    for wire in wires:
-        wire.check_limits()
+    wire = ArmOnAWire(emulator, tmp_path)
+    yield wire
+    wire.check_limits()
 
 
 @pytest.fixture
-def wire(make_wire):
-    return make_wire()
-
-
-@pytest.fixture
-def feetech_wire(make_wire):
+def feetech_wire(emulator, tmp_path):
+    wire = ArmOnAWire(emulator, tmp_path, "feetech")
     with pytest.warns(UserWarning, match=NO_WATCHDOG[:30]):
-        yield make_wire("feetech")
+        yield wire
+    wire.check_limits()
 
 
 @pytest.mark.slow
@@ -92,9 +80,17 @@ def test_a_snapped_cable_is_reported_and_the_arm_goes_on(wire):
 
 
 @pytest.mark.parametrize(
-    "fault", ["lost 0.08", "corrupted 0.08", "garbage 0.3", "late 0.015 0.08"]
+    ("kind", "fault"),
+    [
+        ("wire", "lost 0.08"),
+        ("wire", "corrupted 0.08"),
+        ("wire", "garbage 0.3"),
+        ("wire", "late 0.015 0.08"),
+        ("feetech_wire", "lost 0.05"),
+    ],
 )
-def test_an_arm_goes_on_over_a_noisy_line(wire, fault):
+def test_an_arm_goes_on_over_a_noisy_line(request, kind, fault):
+    wire = request.getfixturevalue(kind)
     with wire.driven():
         wire.steps(4)
         wire.emulator.inject(fault)
@@ -132,7 +128,7 @@ def test_an_absent_servo_costs_the_others_a_cycle_at_most(wire, fast_read):
 def test_a_servo_that_restarted_moves_only_after_the_robot_was_opened_again(
     wire, startup
 ):
-    servo = wire.emulated(4)
+    servo = wire.emulator.servos[3]
     servo._turns_lost -= 1  # it counts from another turn, and will forget that
     with wire.driven() as loop:
         wire.steps(6)
@@ -181,10 +177,10 @@ def test_an_emergency_stop_releases_the_arm_where_it_is(wire):
 def test_a_controller_that_stops_or_dies_leaves_servos_that_stop(wire):
     with wire.driven(is_steady=True):
         wire.steps(20)
-        assert moves(wire.emulator.status())
+        assert max(map(abs, wire.places())) > 0.003
         wire.wait_until(has_stopped)
         wire.steps(5)
-        assert obeys(wire.emulator.status())
+        assert not any(servo.watchdog_tripped for servo in wire.emulator.servos)
         wire.wait_until(has_stopped)
         places = wire.places()
         wire.emulator.sleep(0.3)
@@ -198,16 +194,6 @@ def has_stopped(status):
     return all(servo["watchdog_tripped"] for servo in status["servos"])
 
 
-def obeys(status):
-    """Whether no servo has stopped by its watchdog."""
-    return not any(servo["watchdog_tripped"] for servo in status["servos"])
-
-
-def moves(status):
-    """Whether the arm is bent by its controller."""
-    return max(abs(servo["displacement"]) for servo in status["servos"]) > 0.003
-
-
 def test_a_feetech_servo_that_restarted_gets_no_goal(feetech_wire):
     wire = feetech_wire
     with wire.driven():
@@ -217,40 +203,6 @@ def test_a_feetech_servo_that_restarted_gets_no_goal(feetech_wire):
         assert "has restarted" in wire.loop.fault
         assert not wire.servo(4)["torque"]
     wire.check_records()
-
-
-def test_an_arm_of_feetech_servos_survives_a_noisy_line(feetech_wire):
-    wire = feetech_wire
-    with wire.driven():
-        wire.steps(4)
-        wire.emulator.inject("lost 0.05")
-        records = wire.steps(14)
-        wire.emulator.inject("lost 0")
-    assert sum(not record.fault for record in records) >= 7
-    assert wire.largest_error(records) < 0.006
-
-
-def test_a_scan_lists_every_servo_and_its_cable(wire, capsys):
-    motors.scan(str(wire.arm_file), str(wire.port))
-    told = capsys.readouterr().out
-    assert told.count("xl330-m288") == 9
-    assert "module 3, cable 3" in told
-
-
-def test_homing_finds_the_straight_arm_and_the_check_agrees(
-    emulator, tmp_path, monkeypatch, capsys
-):
-    for name, value in (("STILL_TIME", 0.25), ("CURRENT_STEPS", (1.0,))):
-        monkeypatch.setattr(bring_up, name, value)
-    wire = ArmOnAWire(emulator, tmp_path, homed=False)  # slack in every cable
-    arm, port = str(wire.arm_file), str(wire.port)
-    path = tmp_path / "homes.json"
-    motors.home(arm, port, path, repeat=1, yes=True)
-    motors.check(arm, port, path, yes=True)
-    status = emulator.status()
-    assert "all 9 cables move as they should" in capsys.readouterr().out
-    assert np.abs(wire.places()).max() < 0.001
-    assert status["largest_current"] <= 1.05 * servos_of(wire.arm).limits.current
 
 
 def test_the_robot_fulfills_the_contract_of_robots(wire):

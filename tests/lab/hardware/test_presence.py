@@ -11,12 +11,6 @@ ONE = (b"a", 1)
 TWO = (b"aa", 2)
 
 
-def heard(*attempts):
-    """The result of attempts, each with what follows its requests."""
-    rest = iter(attempts)
-    return hear(lambda: iter(next(rest)), len(attempts))
-
-
 @pytest.mark.parametrize(
     ("attempts", "result"),
     [
@@ -28,20 +22,13 @@ def heard(*attempts):
         ([(TWO,), (TWO,), (TWO,)], Hearing.DOUBLED),
         # one answer is lost
         ([(ONE, TWO), (SILENT,), (TWO,)], Hearing.DOUBLED),
+        # late answers are no second servo
+        ([(SILENT,), (TWO,), (SILENT,)], Hearing.CLEAR),
+        ([(SILENT,), (SILENT,), (TWO,)], Hearing.CLEAR),
+        ([(SILENT,), (TWO,), (ONE, SILENT)], Hearing.CLEAR),
+        ([(SILENT,), (TWO,), (ONE, ONE)], Hearing.CLEAR),
     ],
 )
 def test_answers_are_told_apart(attempts, result):
-    assert heard(*attempts) is result
-
-
-@pytest.mark.parametrize(
-    "attempts",
-    [
-        [(SILENT,), (TWO,), (SILENT,)],
-        [(SILENT,), (SILENT,), (TWO,)],
-        [(SILENT,), (TWO,), (ONE, SILENT)],
-        [(SILENT,), (TWO,), (ONE, ONE)],
-    ],
-)
-def test_late_answers_are_no_second_servo(attempts):
-    assert heard(*attempts) is Hearing.CLEAR
+    rest = iter(attempts)
+    assert hear(lambda: iter(next(rest)), len(attempts)) is result

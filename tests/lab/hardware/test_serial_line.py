@@ -4,9 +4,9 @@ import os
 import subprocess
 import sys
 import time
-from types import SimpleNamespace
 
 import pytest
+from servos_in_memory import serve
 
 from s2c2a.errors import S2C2AError
 from s2c2a.lab.hardware.bus import BusError, PortLostError
@@ -25,6 +25,7 @@ WITHOUT_PYSERIAL = "import sys; sys.modules['serial'] = None; import " + ", ".jo
 class NoisyPort:
     """Port of pyserial at which random bytes arrive all the time."""
 
+    clock = time
     baudrate = 1_000_000
     in_waiting = 100
     is_open = True
@@ -54,21 +55,20 @@ class StuckPort(NoisyPort):
         raise TimeoutError("Write timeout")
 
 
-def serve(port, monkeypatch):
-    """Let every serial port that is opened from now on be this one."""
-    module = SimpleNamespace(
-        Serial=lambda *_, **__: port, SerialTimeoutException=TimeoutError
-    )
-    monkeypatch.setattr("s2c2a.lab.hardware.serial_line.import_serial", lambda: module)
+@pytest.fixture
+def terminal():
+    """One end of a pseudo-terminal, and the name of the other."""
+    other, port = os.openpty()
+    yield other, os.ttyname(port)
+    for end in (other, port):
+        os.close(end)
 
 
 @pytest.fixture
-def terminal():
-    """Both ends of a pseudo-terminal."""
-    other, port = os.openpty()
-    yield other, port
-    for end in (other, port):
-        os.close(end)
+def line(terminal):
+    line = SerialLine(terminal[1], 1_000_000)
+    yield line
+    line.close()
 
 
 def test_the_drivers_are_imported_without_pyserial():
@@ -81,48 +81,46 @@ def test_a_missing_pyserial_is_reported_with_the_extra(monkeypatch):
         import_serial()
 
 
-def test_bytes_that_arrive_are_read_at_once(terminal):
-    other, port = terminal
-    line = SerialLine(os.ttyname(port), 1_000_000)
-    os.write(other, b"answer")
+def test_bytes_that_arrive_are_read_at_once(terminal, line):
+    os.write(terminal[0], b"answer")
     assert line.read(time.monotonic() + 10.0) == b"answer"
-    line.close()
 
 
-def test_a_quiet_line_returns_nothing_at_the_deadline(terminal):
-    line = SerialLine(os.ttyname(terminal[1]), 1_000_000)
-    assert line.read(time.monotonic() + 0.01) == b""
-    line.close()
-
-
-def test_bytes_from_before_an_instruction_are_dropped(terminal):
-    other, port = terminal
-    line = SerialLine(os.ttyname(port), 1_000_000)
-    os.write(other, b"old")
+def test_bytes_from_before_an_instruction_are_dropped(terminal, line):
+    os.write(terminal[0], b"old")
     line.write(b"instruction")
-    assert os.read(other, 100) == b"instruction"
+    assert os.read(terminal[0], 100) == b"instruction"
     assert line.read(time.monotonic() + 0.01) == b""
-    line.close()
 
 
+@pytest.mark.usefixtures("line")
 def test_a_second_program_cannot_take_the_port(terminal):
-    line = SerialLine(os.ttyname(terminal[1]), 1_000_000)
     with pytest.raises(BusError, match=r"cannot be opened.*no other program uses"):
-        SerialLine(os.ttyname(terminal[1]), 1_000_000)
-    line.close()
+        SerialLine(terminal[1], 1_000_000)
 
 
-def test_an_unplugged_port_is_lost():
+@pytest.mark.parametrize(
+    ("kind", "read"),
+    [
+        (DynamixelBus, lambda bus: bus.info(1)),
+        (FeetechBus, lambda bus: bus.read_states([1])),
+    ],
+)
+def test_an_unplugged_port_is_lost(kind, read):
     other, port = os.openpty()
-    bus = DynamixelBus(os.ttyname(port))
+    bus = kind(os.ttyname(port), 1_000_000)
     os.close(port)
     os.close(other)
-    with pytest.raises(PortLostError):
-        bus.send_goals({1: 0})
-    with pytest.raises(PortLostError):
-        bus.set_torque([1], False)
-    with pytest.raises(PortLostError):
-        bus.set_baud_rate(57_600)
+    uses = [
+        lambda: read(bus),
+        lambda: bus.send_goals({1: 0}),
+        lambda: bus.set_torque([1], False),
+        lambda: bus.scan([1]),
+        lambda: bus.set_baud_rate(57_600),
+    ]
+    for use in uses:
+        with pytest.raises(PortLostError):
+            use()
     bus.close()
     with pytest.raises(PortLostError, match="is closed; open a new bus"):
         bus.scan([1])

@@ -4,30 +4,22 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fake_servo_bus import FakeClock, FakeServoBus
-from homes import calibration_with
+from fake_servo_bus import FakeServoBus
+from homes import arm_with_servos, calibration_with
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from servos_in_memory import Clock
 
-from s2c2a.arm import ArmGeometry, load_arm
+from s2c2a.arm import ArmGeometry
 from s2c2a.errors import ActionError, RobotError
 from s2c2a.lab.hardware.bus import BusError, HardwareError
-from s2c2a.lab.hardware.calibration import (
-    save_calibration,
-)
+from s2c2a.lab.hardware.calibration import save_calibration
 from s2c2a.lab.hardware.servo_robot import DynamixelRobot
 from s2c2a.lab.hardware.winch import Winches
 from s2c2a.runtime.emergency import EmergencyStop, EmergencyStopError
 
-BASE = load_arm("twin_arm")
 IDS = list(range(1, 10))
 HOME = 1000  # ticks
-
-
-def arm_with(limits=None, **servos):
-    """An arm with a table `[servos]`."""
-    table = {"ids": np.reshape(IDS, (3, 3)).tolist(), "limits": limits or {}, **servos}
-    return type(BASE).model_validate(BASE.model_dump() | {"servos": table})
 
 
 class Bench:
@@ -35,19 +27,16 @@ class Bench:
 
     def __init__(self, folder, arm, patch):
         self.arm = arm
-        self.clock = FakeClock()
+        self.clock = Clock()
         self.bus = FakeServoBus(IDS, self.clock)
         for id, state in self.bus.states.items():
             self.bus.states[id] = replace(state, position=HOME)
         for name in ("servo_robot", "motion_watch"):
             patch.setattr(f"s2c2a.lab.hardware.{name}.time", self.clock)
         patch.setattr("s2c2a.lab.hardware.servo_robot.open_bus", lambda *_: self.bus)
-        self.robot = DynamixelRobot(arm, "fake", str(self._calibration(folder)))
-
-    def _calibration(self, folder):
         path = folder / "calibration.json"
-        save_calibration(calibration_with(self.arm, dict.fromkeys(IDS, HOME)), path)
-        return path
+        save_calibration(calibration_with(arm, dict.fromkeys(IDS, HOME)), path)
+        self.robot = DynamixelRobot(arm, "fake", str(path))
 
     @property
     def commands(self):
@@ -60,8 +49,16 @@ class Bench:
 
 
 @pytest.fixture
-def bench(tmp_path, monkeypatch):
-    bench = Bench(tmp_path, arm_with(), monkeypatch)
+def make_bench(tmp_path, monkeypatch):
+    def make(**servos):
+        return Bench(tmp_path, arm_with_servos(**servos), monkeypatch)
+
+    return make
+
+
+@pytest.fixture
+def bench(make_bench):
+    bench = make_bench()
     bench.robot.open()
     return bench
 
@@ -83,7 +80,7 @@ LIMITS = st.fixed_dictionaries(
 @settings(max_examples=60, deadline=None)
 @given(LIMITS, st.lists(st.tuples(PAUSES, ACTIONS), min_size=1, max_size=25))
 def test_no_command_on_the_wire_exceeds_a_limit(tmp_path_factory, limits, steps):
-    arm = arm_with(limits)
+    arm = arm_with_servos(limits=limits)
     with pytest.MonkeyPatch.context() as patch:
         bench = Bench(tmp_path_factory.mktemp("limits"), arm, patch)
         bench.robot.open()
@@ -164,8 +161,8 @@ def test_a_sound_robot_that_is_opened_again_keeps_its_torque(bench):
         ({"voltage": 3.0}, "3.0 V"),
     ],
 )
-def test_an_arm_with_a_faulty_servo_does_not_open(tmp_path, monkeypatch, change, text):
-    bench = Bench(tmp_path, arm_with(), monkeypatch)
+def test_an_arm_with_a_faulty_servo_does_not_open(make_bench, change, text):
+    bench = make_bench()
     bench.bus.states[5] = replace(bench.bus.states[5], **change)
     with pytest.raises(RobotError, match=text):
         bench.robot.open()
@@ -173,8 +170,8 @@ def test_an_arm_with_a_faulty_servo_does_not_open(tmp_path, monkeypatch, change,
     assert not bench.bus.is_open
 
 
-def test_an_arm_out_of_its_range_does_not_open(tmp_path, monkeypatch):
-    bench = Bench(tmp_path, arm_with({"displacement": 0.01}), monkeypatch)
+def test_an_arm_out_of_its_range_does_not_open(make_bench):
+    bench = make_bench(limits={"displacement": 0.01})
     state = bench.bus.states[5]
     bench.bus.states[5] = replace(state, position=HOME + 2000)
     with pytest.raises(RobotError, match=r"servos \[5\] stand at \[30\.7\] mm"):
@@ -182,23 +179,23 @@ def test_an_arm_out_of_its_range_does_not_open(tmp_path, monkeypatch):
     assert bench.bus.goals == []
 
 
-def test_turns_that_servos_forgot_do_not_move_the_arm(tmp_path, monkeypatch):
-    bench = Bench(tmp_path, arm_with(), monkeypatch)
+def test_turns_that_servos_forgot_do_not_move_the_arm(make_bench):
+    bench = make_bench()
     bench.bus.states[5] = replace(bench.bus.states[5], position=HOME - 3 * 4096)
     bench.robot.open()
     assert bench.bus.states[5].position == HOME - 3 * 4096
 
 
 def test_cables_of_more_than_a_turn_are_announced(tmp_path, monkeypatch):
-    arm = arm_with()
+    arm = arm_with_servos()
     motor = arm.motor.model_copy(update={"pulley_radius": 0.006})
     bench = Bench(tmp_path, arm.model_copy(update={"motor": motor}), monkeypatch)
     with pytest.warns(UserWarning, match="home the arm again after every loss"):
         bench.robot.open()
 
 
-def test_a_missing_servo_is_named_when_the_robot_opens(tmp_path, monkeypatch):
-    bench = Bench(tmp_path, arm_with(), monkeypatch)
+def test_a_missing_servo_is_named_when_the_robot_opens(make_bench):
+    bench = make_bench()
     del bench.bus.states[5]
     with pytest.raises(BusError, match=r"servo 5 \(module 2, cable 2\)"):
         bench.robot.open()
@@ -206,10 +203,9 @@ def test_a_missing_servo_is_named_when_the_robot_opens(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize(("choice", "torque"), [("hold", True), ("release", False)])
 def test_a_halt_stops_where_the_arm_is_and_closing_does_not_undo_it(
-    tmp_path, monkeypatch, choice, torque
+    make_bench, choice, torque
 ):
-    table = {"on_emergency": choice, "on_exit": "release"}
-    bench = Bench(tmp_path, arm_with(**table), monkeypatch)
+    bench = make_bench(on_emergency=choice, on_exit="release")
     bench.robot.open()
     bench.bus.states[5] = replace(bench.bus.states[5], position=HOME + 123)
     bench.robot.halt()
@@ -221,21 +217,21 @@ def test_a_halt_stops_where_the_arm_is_and_closing_does_not_undo_it(
 
 
 def test_an_emergency_stop_ends_the_way_to_rest_of_an_arm_that_opens(
-    tmp_path, monkeypatch
+    make_bench, monkeypatch
 ):
-    bench = Bench(tmp_path, arm_with(on_emergency="hold"), monkeypatch)
+    bench = make_bench(on_emergency="hold")
     bench.bus.states[5] = replace(bench.bus.states[5], position=HOME + 500)
     stop = EmergencyStop()
     monkeypatch.setattr("s2c2a.lab.hardware.motion_watch.EMERGENCY_STOP", stop)
     started = bench.clock.now
-    monkeypatch.setattr(
-        bench.clock,
-        "sleep",
-        lambda seconds: (
-            setattr(bench.clock, "now", bench.clock.now + seconds),
-            bench.clock.now > started + 0.1 and stop.trigger(),
-        ),
-    )
+    sleep = bench.clock.sleep
+
+    def sleep_and_stop(seconds):
+        sleep(seconds)
+        if bench.clock.now > started + 0.1:
+            stop.trigger()
+
+    bench.clock.sleep = sleep_and_stop
     with pytest.raises(EmergencyStopError):
         bench.robot.open()
     assert bench.clock.now < started + 0.2
@@ -244,8 +240,8 @@ def test_an_emergency_stop_ends_the_way_to_rest_of_an_arm_that_opens(
     assert bench.bus.torques == dict.fromkeys(IDS, True)
 
 
-def test_the_way_to_rest_is_within_rate_and_acceleration(tmp_path, monkeypatch):
-    bench = Bench(tmp_path, arm_with({"speed": 5.0}), monkeypatch)
+def test_the_way_to_rest_is_within_rate_and_acceleration(make_bench):
+    bench = make_bench(limits={"speed": 5.0})
     bench.bus.states[5] = replace(bench.bus.states[5], position=HOME + 1500)
     bench.robot.open()
     times, commands = bench.commands
@@ -258,40 +254,36 @@ def test_the_way_to_rest_is_within_rate_and_acceleration(tmp_path, monkeypatch):
     assert np.allclose(times[5:] - times[:-5], period)
     assert np.abs(changes).max() <= radius * geometry.step_limit + tick
     accelerations = changes[5:] - changes[:-5]
-    assert (
-        np.abs(accelerations).max() <= radius * geometry.acceleration_limit + 2 * tick
-    )
+    allowed = radius * geometry.acceleration_limit + 2 * tick
+    assert np.abs(accelerations).max() <= allowed
     assert np.abs(commands[0] - commands[1]).max() <= 2 * tick
 
 
-def open_bent(tmp_path, monkeypatch):
+@pytest.fixture
+def bent(make_bench):
     """A robot whose arm is bent, before it opens."""
-    bench = Bench(tmp_path, arm_with(), monkeypatch)
+    bench = make_bench()
     bench.bus.states[5] = replace(bench.bus.states[5], position=HOME + 1000)
     return bench
 
 
-def test_a_way_to_rest_that_takes_too_long_ends_with_an_error(tmp_path, monkeypatch):
-    bench = open_bent(tmp_path, monkeypatch)
-    read = bench.bus.read_states
-    monkeypatch.setattr(
-        bench.bus, "read_states", lambda ids: bench.clock.sleep(0.9) or read(ids)
-    )
+def test_a_way_to_rest_that_takes_too_long_ends_with_an_error(bent):
+    read = bent.bus.read_states
+    bent.bus.read_states = lambda ids: bent.clock.sleep(0.9) or read(ids)
     with pytest.raises(RobotError, match="answer too slowly"):
-        bench.robot.open()
-    assert bench.clock.now < 130.0
-    assert HOME < bench.bus.states[5].position < HOME + 1000
+        bent.robot.open()
+    assert bent.clock.now < 130.0
+    assert HOME < bent.bus.states[5].position < HOME + 1000
 
 
-def test_a_way_to_rest_ends_where_the_program_stood_still(tmp_path, monkeypatch):
-    bench = open_bent(tmp_path, monkeypatch)
+def test_a_way_to_rest_ends_where_the_program_stood_still(bent, monkeypatch):
     monkeypatch.setattr(
         "s2c2a.lab.hardware.motion_watch.time_with_sleep",
-        lambda: bench.clock.now + (30.0 if bench.clock.now > 100.5 else 0.0),
+        lambda: bent.clock.now + (30.0 if bent.clock.now > 100.5 else 0.0),
     )
     with pytest.raises(RobotError, match=r"stood still for 30\.\d s"):
-        bench.robot.open()
-    assert HOME < bench.bus.states[5].position < HOME + 1000
+        bent.robot.open()
+    assert HOME < bent.bus.states[5].position < HOME + 1000
 
 
 def test_a_halted_robot_is_prepared_when_it_opens_again(bench):
@@ -309,17 +301,17 @@ def test_all_servos_are_released_at_the_end_although_one_is_silent(bench):
     assert not bench.bus.is_open
 
 
-def test_a_robot_that_holds_at_the_end_keeps_its_watchdog(tmp_path, monkeypatch):
-    bench = Bench(tmp_path, arm_with(on_exit="hold"), monkeypatch)
+def test_a_robot_that_holds_at_the_end_keeps_its_watchdog(make_bench):
+    bench = make_bench(on_exit="hold")
     bench.robot.open()
     bench.robot.close()
     assert bench.bus.torques == dict.fromkeys(IDS, True)
     assert bench.bus.watchdogs == dict.fromkeys(IDS, 0.4)
 
 
-def test_servos_without_a_watchdog_are_announced(tmp_path, monkeypatch):
+def test_servos_without_a_watchdog_are_announced(make_bench, monkeypatch):
     monkeypatch.setattr(FakeServoBus, "has_watchdog", False)
-    bench = Bench(tmp_path, arm_with(), monkeypatch)
+    bench = make_bench()
     with pytest.warns(UserWarning, match="no watchdog"):
         bench.robot.open()
     bench.robot.close()

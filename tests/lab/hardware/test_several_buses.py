@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from arm_on_a_wire import ArmOnAWire
+from homes import arm_with_servos
 
 from s2c2a.arm import load_arm, save_arm, servos_of
 from s2c2a.arm.files import arm_from_toml, arm_to_toml
@@ -29,13 +30,10 @@ def arm_on(
     table = {
         "model": proximal,
         "port": str(folder / "port"),
-        "ids": [[1, 2, 3], [4, 5, 6], DISTAL],
         "limits": {"current": 0.6, "high_voltage": 12.0},
         "groups": [group],
     }
-    base = load_arm("twin_arm")
-    text = arm_to_toml(type(base).model_validate(base.model_dump() | {"servos": table}))
-    arm = arm_from_toml(text)
+    arm = arm_from_toml(arm_to_toml(arm_with_servos(**table)))
     assert arm_from_toml(arm_to_toml(arm)) == arm
     return arm
 
@@ -85,8 +83,7 @@ def test_faults_of_groups_are_named(group, fault):
 def test_the_arm_moves_and_every_bus_keeps_its_limits(wire):
     with wire.driven():
         records = wire.steps(12)
-        servos = wire.emulator._emulator.servos
-        limits = {servo.id: servo.command().current for servo in servos}
+        limits = {servo.id: servo.command().current for servo in wire.emulator.servos}
     assert not any(record.fault for record in records)
     assert wire.largest_error(wire.records) < 0.003
     assert np.abs(records[-1].action).max(axis=-1).min() > 0.001

@@ -92,14 +92,6 @@ def test_unstuffing_leaves_other_bytes_alone():
     assert unstuffed(data) == data
 
 
-def test_a_damaged_packet_costs_only_itself():
-    good = [status(id, bytes(21)) for id in range(1, 10)]
-    damaged = bytearray(good[3])
-    damaged[10] ^= 0x10
-    stream = b"".join([*good[:3], bytes(damaged), *good[4:]])
-    assert [packet.id for packet in read(stream)] == [1, 2, 3, 5, 6, 7, 8, 9]
-
-
 @pytest.mark.parametrize("place", range(len(status(1, bytes(3)))))
 def test_packets_behind_a_damaged_byte_survive(place):
     damaged = bytearray(status(1, bytes(3)))
