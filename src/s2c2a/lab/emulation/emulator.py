@@ -162,11 +162,6 @@ class Emulator(RealTimeArm):
         return [winch.servo for winch in self.winches]
 
     @property
-    def line(self) -> Line:
-        """The first port."""
-        return self.lines[0]
-
-    @property
     def ports(self) -> list[str]:
         """Ports of the arm file, in the order of `lines`."""
         return list(dict.fromkeys(part.port for part, _ in self._parts))
