@@ -16,7 +16,7 @@ from s2c2a.printing import short_text
 
 PREVIEW = 12  # moments of a preview: 1.2 s, about a period of a slow soft arm
 PREVIEW_INTERVAL = 0.1  # s between them; a control step where that is longer
-START_TIME = 1.0  # s; chosen: until an arm moves, see `planning.Detour`
+START_TIME = 1.0  # s; chosen: until a plan beside obstacles is at its full pace
 MAX_OBSTACLES = 64  # benchmarks/bench_growth.py measures what they cost
 Numbers = np.ndarray  # inside the planner, JAX traces the same fields
 

@@ -94,9 +94,9 @@ def unusual_numbers(
     parameters = fit.parameters
     priors = prior_std(log_map)
     texts = {
-        "gains": "gains of drives differ by a factor of {1:.1f}",
+        "gains": "the gain of a drive is off by a factor of {1:.1f} from the others",
         "offsets": "drives are off their rests by up to {:.1f} rad",
-        "lengths": "a module is {1:.1f} times as long, or short, as its ends show",
+        "lengths": "the length of a module is off by a factor of {1:.1f} from its ends",
         "tilt": "the arm is tilted by {:.2f} rad from the direction that the ends show",
         "base": "the base is {:.2f} m from where the ends show it",
     }
