@@ -148,7 +148,8 @@ def drawn_directions(
     sizes = np.sqrt(random.uniform(0.2, 1.0, (count, modules)))
     angles = random.uniform(0.0, 2.0 * np.pi, (count, 1))
     angles = angles + random.normal(0.0, 0.6, (count, modules))
-    return sizes[..., None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    directions = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    return sizes[..., None] * directions
 
 
 def _with_base(lines: np.ndarray) -> np.ndarray:

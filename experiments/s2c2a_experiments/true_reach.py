@@ -106,7 +106,9 @@ class TrueReach:
         shape = (2, count, len(self.usable_range))
         angles, squares = random.uniform(0, 2 * np.pi, shape)
         radii = self.usable_range * np.sqrt(squares / (2 * np.pi))
-        return np.stack([radii * np.cos(angles), radii * np.sin(angles)], axis=-1)
+        x = radii * np.cos(angles)
+        y = radii * np.sin(angles)
+        return np.stack([x, y], axis=-1)
 
     def nearest(self, goal: Goal, start: RestingShape | None = None) -> RestingShape:
         """The resting shape nearest to a goal that a local search finds.

@@ -55,7 +55,6 @@ def test_speeds_are_those_of_the_fastest_module_within_each_episode(recorded):
     ]
     coverage = Coverage.of(episodes)
     np.testing.assert_allclose(coverage.speeds, [0.2, 0.0, 0.2, 0.0], atol=1e-5)
-    assert coverage.hold_share == 0.5
     assert coverage.hold_speed == pytest.approx(HOLD * coverage.fastest)
 
 

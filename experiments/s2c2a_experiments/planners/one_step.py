@@ -51,9 +51,11 @@ class LeastSquares(Solver):
     iterations: int = 10
 
     def solve(self, problem: Problem) -> Configurations:
-        start = problem.situation.last.bends
         bends, _ = solve_least_squares(
-            problem.stacked, start, problem.within_step, self.iterations
+            lambda bends: problem.residuals(problem.candidate_at(bends)),
+            problem.situation.last.bends,
+            problem.within_step,
+            self.iterations,
         )
         return configurations_from_bends(bends)
 

@@ -93,11 +93,6 @@ class Coverage:
         """The step limit as a speed [rad/s]."""
         return ArmGeometry.of(self.arm).step_limit * self.arm.control_rate
 
-    @property
-    def hold_share(self) -> float:
-        """Share of the steps in which the arm is held."""
-        return _share(self.speeds < self.hold_speed)
-
     def neighboring_bends(
         self, inner: int
     ) -> tuple[Float[np.ndarray, " samples"], Float[np.ndarray, " samples"]]:

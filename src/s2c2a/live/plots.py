@@ -73,7 +73,8 @@ class Plots:
         times = columns[0][0]
         for chart, lines in zip(self._charts, columns[1:], strict=True):
             shown = latest_stretch(lines)
-            chart.data = (times[shown] - times[-1], *lines[:, shown])
+            ages = times[shown] - times[-1]
+            chart.data = (ages, *lines[:, shown])
 
 
 def latest_stretch(lines: np.ndarray) -> slice:

@@ -190,7 +190,8 @@ def _complete_rows(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Rows in which cables, flattened, and the tip are known."""
     flat = cables.reshape(len(cables), -1)
-    known = np.isfinite(tips).all(axis=-1) & np.isfinite(flat).all(axis=-1)
+    are_cables_known = np.isfinite(flat).all(axis=-1)
+    known = np.isfinite(tips).all(axis=-1) & are_cables_known
     return flat[known], tips[known]
 
 

@@ -150,5 +150,6 @@ def _clauses(
 
 def _direction(tilt: Float[np.ndarray, "2"], axes: Float[np.ndarray, "3 3"]) -> str:
     """Axis of the log towards which rotations about x and y turn z."""
-    towards = axes[:, :2] @ np.array([tilt[1], -tilt[0]])
+    direction = np.array([tilt[1], -tilt[0]])
+    towards = axes[:, :2] @ direction
     return AXES[int(np.argmax([*towards, *-towards]))]

@@ -136,23 +136,41 @@ class ChainOptions(ForwardOptions):
         key: PRNGKeyArray,
         progress: TrainingProgress = quiet,
         ridge: float = 0.0,
-        of_all: bool = False,
     ) -> Trained[ChainC2S]:
         """See `ForwardOptions`; on whole episodes from rest: the model has memory.
 
         Linear least squares with nonnegative weights fit the hysteresis first, then all
-        parameters are trained together. If `of_all`, the samples that are held out
-        otherwise train it, too, and its stated error is no longer one of unseen samples.
-        `ridge` is the weight of the network's squared weights in the loss.
+        parameters are trained together. `ridge` is the weight of the network's squared
+        weights in the loss.
         """
         network_key, fit_key = jax.random.split(key)
         model = self.untrained(data.arm, network_key)
-        split = hysteresis_samples(model, data, of_all)
+        split = hysteresis_samples(model, data)
         samples = split.training
         known = samples.rows(np.isfinite(samples.targets).any(axis=(1, 2)))
         if np.isfinite(known.targets).all():
             model = _with_fitted_hysteresis(model, known)
-        return _train(model, data.arm, split, fit, fit_key, progress, ridge=ridge)
+        loss = _ChainLoss(jnp.asarray(ridge))
+        return train(model, loss, predicted_targets, split, fit, fit_key, progress)
+
+    def train_on_all(
+        self,
+        model: ChainC2S,
+        data: TrainingData,
+        fit: FitOptions,
+        key: PRNGKeyArray,
+        progress: TrainingProgress = quiet,
+        ridge: float = 0.0,
+    ) -> ChainC2S:
+        """Train a chain further, also on the samples that were held out before.
+
+        The equilibrium stays as it is: samples without payload hardly determine
+        stiffness, which would drift, and a known payload would err.
+        """
+        samples = hysteresis_inputs(model, data), data.states, data.lengths
+        split = replace(forward_samples(*samples), training=known_samples(*samples))
+        loss = _ChainLoss(jnp.asarray(ridge), fixed=model.equilibrium)
+        return train(model, loss, predicted_targets, split, fit, key, progress).network
 
     def resume_training(  # type: ignore[override]
         self,
@@ -170,7 +188,8 @@ class ChainOptions(ForwardOptions):
         """
         penalty = _Penalty(PRIOR_PENALTY, parameters(model), parameters(spread))
         split = hysteresis_samples(model, data)
-        return _train(model, data.arm, split, fit, key, progress, penalty)
+        loss = _ChainLoss(jnp.zeros(()), penalty)
+        return train(model, loss, predicted_targets, split, fit, key, progress)
 
     def pretrain(
         self,
@@ -188,17 +207,15 @@ class ChainOptions(ForwardOptions):
         joint_fit = shortened(fit, JOINT_EPOCHS)
         arm_fit = shortened(fit, ARM_EPOCHS)
         epochs = joint_fit.max_epochs + len(arms) * arm_fit.max_epochs
-
-        def joint_progress(epoch: int, _epochs: int, loss: float) -> None:
-            progress(epoch, epochs, loss)
-
-        joint = self.train(together, joint_fit, key, joint_progress)
+        report = part_of(progress, 0, epochs)
+        joint = self.train(together, joint_fit, key, report)
         penalty = _Penalty(ARM_PENALTY, parameters(joint.network), [])
+        loss = _ChainLoss(jnp.zeros(()), penalty)
         chains = []
         for number, data in enumerate(arms, start=1):
             split = hysteresis_samples(joint.network, data)
-            trained = _train(
-                joint.network, data.arm, split, arm_fit, key, quiet, penalty
+            trained = train(
+                joint.network, loss, predicted_targets, split, arm_fit, key, quiet
             )
             chains.append(trained.network)
             done = joint_fit.max_epochs + number * arm_fit.max_epochs
@@ -246,20 +263,23 @@ class _ChainLoss(eqx.Module):
     A module, so that trainings of equal shapes share a compiled program.
 
     Attributes:
-        unit: of position errors [m].
         ridge: weight of the squared weights of the network.
         penalty: on the change of parameters; None for none.
+        fixed: equilibrium that is not trained; None to train that of the model.
     """
 
-    unit: float
     ridge: Float[Array, ""]
     penalty: _Penalty | None = None
+    fixed: Equilibrium | None = None
 
     def __call__(
         self, model: ChainC2S, batch: Batch, key: PRNGKeyArray | None
     ) -> Float[Array, ""]:
+        if self.fixed is not None:
+            model = replace(model, equilibrium=self.fixed)
         error = known_error(predicted_targets(model, batch), batch["targets"])
-        positions = jnp.mean((error[..., :3] / self.unit) ** 2)
+        unit = LENGTH_UNIT * jnp.sum(model.body.lengths)
+        positions = jnp.mean((error[..., :3] / unit) ** 2)
         mean = positions + AXIS_WEIGHT * jnp.mean(error[..., 3:] ** 2)
         if key is None:
             return mean
@@ -268,28 +288,13 @@ class _ChainLoss(eqx.Module):
         return mean if self.penalty is None else mean + self.penalty(model)
 
 
-def _train(
-    model: ChainC2S,
-    arm: ArmSpec,
-    split: Split,
-    fit: FitOptions,
-    key: PRNGKeyArray,
-    progress: TrainingProgress,
-    penalty: _Penalty | None = None,
-    ridge: float = 0.0,
-) -> Trained[ChainC2S]:
-    """Train on true states, with penalties on weights and on the change of parameters."""
-    loss = _ChainLoss(LENGTH_UNIT * arm.length, jnp.asarray(ridge), penalty)
-    return train(model, loss, predicted_targets, split, fit, key, progress)
+def part_of(progress: TrainingProgress, begin: int, total: int) -> TrainingProgress:
+    """Progress of a training that begins after some of all epochs."""
 
+    def part(epoch: int, _: int, loss: float) -> None:
+        progress(begin + epoch, total, loss)
 
-def half_of(progress: TrainingProgress, number: int) -> TrainingProgress:
-    """Progress of the first (0) or the second (1) of two equal trainings."""
-
-    def half(epoch: int, epochs: int, loss: float) -> None:
-        progress(number * epochs + epoch, 2 * epochs, loss)
-
-    return half
+    return part
 
 
 def shortened(fit: FitOptions, share: float) -> FitOptions:
@@ -334,19 +339,9 @@ def _inputs_along(
     return jax.lax.scan(step, memory, displacements)[1]
 
 
-def hysteresis_samples(
-    model: ChainC2S, data: TrainingData, of_all: bool = False
-) -> Split:
-    """`forward_samples` with inputs of the hysteresis in place of configurations.
-
-    Args:
-        model: whose hysteresis it is.
-        data: recorded episodes.
-        of_all: whether all samples are among those for training.
-    """
-    samples = hysteresis_inputs(model, data), data.states, data.lengths
-    split = forward_samples(*samples)
-    return replace(split, training=known_samples(*samples)) if of_all else split
+def hysteresis_samples(model: ChainC2S, data: TrainingData) -> Split:
+    """`forward_samples` with inputs of the hysteresis in place of configurations."""
+    return forward_samples(hysteresis_inputs(model, data), data.states, data.lengths)
 
 
 def _with_fitted_hysteresis(model: ChainC2S, samples: Samples) -> ChainC2S:

@@ -18,9 +18,9 @@ from s2c2a.data.windows import APART, Samples, Split, forward_samples, known_sam
 from s2c2a.models.chain import LENGTH_UNIT, ChainC2S
 from s2c2a.models.chain_training import (
     ChainOptions,
-    half_of,
     hysteresis_inputs,
     hysteresis_samples,
+    part_of,
     predicted_targets,
     shortened,
 )
@@ -73,7 +73,7 @@ class LocalOptions(ChainOptions):
         key: PRNGKeyArray,
         progress: TrainingProgress = quiet,
     ) -> Trained[LocalC2S]:
-        """See `ForwardOptions`: chains, then their residuals, then a chain of all samples.
+        """See `ForwardOptions`: chains, then their residuals, then all samples.
 
         Samples that a chain has seen show nothing of its errors. So the hyperparameters
         of the process, and whether it and the network have any use, are of chains that
@@ -82,20 +82,23 @@ class LocalOptions(ChainOptions):
         options = self._chain_options(data)
         # physics alone have few parameters
         fewer = shortened(fit, 1 / 2)
+        total = fit.max_epochs + fewer.max_epochs
         judged = {}
         for ridge, epochs, report in (
-            (0.0, fit, half_of(progress, 0)),
+            (0.0, fit, part_of(progress, 0, total)),
             (RIDGE, fewer, quiet),
         ):
-            chain = options.train(data, epochs, key, report, ridge)
-            judged[ridge] = self._with_process(chain, data, key)
+            trained = options.train(data, epochs, key, report, ridge)
+            judged[ridge] = self._with_process(trained, data, key)
         ridge = min(judged, key=lambda each: judged[each].errors.get(HELD_OUT, 0.0))
-        second = half_of(progress, 1)
-        whole = options.train(data, fit, key, second, ridge, of_all=True).network
+        best = judged[ridge]
+        chain = best.network.chain
+        second = part_of(progress, fit.max_epochs, total)
+        whole = options.train_on_all(chain, data, fewer, key, second, ridge)
         inputs = hysteresis_inputs(whole, data)
-        model = replace(judged[ridge].network, chain=whole)
+        model = replace(best.network, chain=whole)
         network = _given(model, known_samples(inputs, data.states, data.lengths))
-        return replace(judged[ridge], network=network)
+        return replace(best, network=network)
 
     def _chain_options(self, data: TrainingData) -> ChainOptions:
         """Options of the chain, with widths of play operators for the data."""

@@ -209,7 +209,7 @@ def _draw_speeds(coverage: Coverage, figure: Figure, place: SubplotSpec) -> None
         edges[:-1], share * counts, np.diff(edges), align="edge", color=REAL, alpha=0.8
     )
     left = SLOWEST_SHOWN * hold
-    holds = coverage.hold_share
+    holds = float(np.mean(speeds < hold))
     axes.bar(left, 100.0 * holds, hold - left, align="edge", color=MUTED)
     axes.axvline(fastest, **LIMIT_LINE)
     label_log_axis(axes)

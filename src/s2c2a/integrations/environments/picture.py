@@ -36,7 +36,8 @@ def draw(
     figure.add_axes(axes)
     points = np.vstack([np.zeros(3), center_line(states, ArmGeometry.of(arm).lengths)])
     axes.plot(*points.T, color=REAL, linewidth=5)
-    axes.quiver(*points[-1], *states[-1, AXIS], length=0.1 * arm.length, color=REAL)
+    direction = states[-1, AXIS]
+    axes.quiver(*points[-1], *direction, length=0.1 * arm.length, color=REAL)
     axes.plot(*goal[:, None], color=DESIRED, marker="o", markersize=8)
     if obstacle is not None:
         sines, cosines = np.sin(CIRCLE), np.cos(CIRCLE)

@@ -162,7 +162,8 @@ class Follow(Family):
         moments = np.arange(self.steps + 2) / held
         start = np.minimum(moments.astype(int), count - 2)
         shares = (moments - start)[:, None, None]
-        return self.tips(corners[start] * (1.0 - shares) + corners[start + 1] * shares)
+        begin, end = corners[start], corners[start + 1]
+        return self.tips(begin * (1.0 - shares) + end * shares)
 
 
 class Track(Family):

@@ -200,5 +200,7 @@ def to_recording_frame(
         return states
     frame = FRAME_SPREAD * coordinates[len(problem.unknowns) :]
     rotation = Rotation.from_rotvec(frame[:3]).as_matrix()
-    positions = states[..., POSITION] @ rotation.T + frame[3:] * problem.arm.length
-    return np.concatenate([positions, states[..., AXIS] @ rotation.T], axis=-1)
+    offset = frame[3:] * problem.arm.length
+    positions = states[..., POSITION] @ rotation.T + offset
+    axes = states[..., AXIS] @ rotation.T
+    return np.concatenate([positions, axes], axis=-1)

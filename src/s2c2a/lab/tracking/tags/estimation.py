@@ -86,7 +86,8 @@ def estimate_poses(
         TagError: the image is malformed, or not of the size of the camera model.
     """
     is_image = isinstance(image, np.ndarray) and image.dtype == np.uint8
-    if not is_image or image.ndim not in (2, 3) or image.shape[2:] not in ((), (3,)):
+    is_image = is_image and image.ndim in (2, 3)
+    if not is_image or image.shape[2:] not in ((), (3,)):
         raise TagError(TagDropReason.MALFORMED)
     if image.shape[:2] != (camera.height, camera.width):
         height, width = image.shape[:2]
