@@ -269,7 +269,8 @@ def _module_lines(
     std = fit.std or CableParameters(
         *(np.full_like(value, np.nan) for value in fit.parameters)
     )
-    drive_variance = np.sum(std.gains[drives] ** 2) / max(len(drives), 1) ** 2
+    count = max(len(drives), 1)
+    drive_variance = np.sum(std.gains[drives] ** 2) / count**2
     gain_std = np.sqrt(std.gain**2 + drive_variance)
     names = ", ".join(log_map.drives[drive].name for drive in drives)
     gains = [

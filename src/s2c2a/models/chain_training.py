@@ -164,12 +164,12 @@ class ChainOptions(ForwardOptions):
     ) -> ChainC2S:
         """Train a chain further, also on the samples that were held out before.
 
-        The equilibrium stays as it is: samples without payload hardly determine
-        stiffness, which would drift, and a known payload would err.
+        Its stiffness stays: samples without payload hardly determine it, it would drift,
+        and predictions under a payload would err.
         """
         samples = hysteresis_inputs(model, data), data.states, data.lengths
         split = replace(forward_samples(*samples), training=known_samples(*samples))
-        loss = _ChainLoss(jnp.asarray(ridge), fixed=model.equilibrium)
+        loss = _ChainLoss(jnp.asarray(ridge), stiffness=model.equilibrium.log_stiffness)
         return train(model, loss, predicted_targets, split, fit, key, progress).network
 
     def resume_training(  # type: ignore[override]
@@ -265,18 +265,19 @@ class _ChainLoss(eqx.Module):
     Attributes:
         ridge: weight of the squared weights of the network.
         penalty: on the change of parameters; None for none.
-        fixed: equilibrium that is not trained; None to train that of the model.
+        stiffness: logarithms that are not trained; None to train those of the model.
     """
 
     ridge: Float[Array, ""]
     penalty: _Penalty | None = None
-    fixed: Equilibrium | None = None
+    stiffness: Float[Array, " modules"] | None = None
 
     def __call__(
         self, model: ChainC2S, batch: Batch, key: PRNGKeyArray | None
     ) -> Float[Array, ""]:
-        if self.fixed is not None:
-            model = replace(model, equilibrium=self.fixed)
+        if self.stiffness is not None:
+            equilibrium = replace(model.equilibrium, log_stiffness=self.stiffness)
+            model = replace(model, equilibrium=equilibrium)
         error = known_error(predicted_targets(model, batch), batch["targets"])
         unit = LENGTH_UNIT * jnp.sum(model.body.lengths)
         positions = jnp.mean((error[..., :3] / unit) ** 2)

@@ -82,7 +82,7 @@ class LocalOptions(ChainOptions):
         options = self._chain_options(data)
         # physics alone have few parameters
         fewer = shortened(fit, 1 / 2)
-        total = fit.max_epochs + fewer.max_epochs
+        total = 2 * fit.max_epochs
         judged = {}
         for ridge, epochs, report in (
             (0.0, fit, part_of(progress, 0, total)),
@@ -94,7 +94,7 @@ class LocalOptions(ChainOptions):
         best = judged[ridge]
         chain = best.network.chain
         second = part_of(progress, fit.max_epochs, total)
-        whole = options.train_on_all(chain, data, fewer, key, second, ridge)
+        whole = options.train_on_all(chain, data, fit, key, second, ridge)
         inputs = hysteresis_inputs(whole, data)
         model = replace(best.network, chain=whole)
         network = _given(model, known_samples(inputs, data.states, data.lengths))

@@ -264,7 +264,10 @@ def parse_frame(reader: Reader, layout: MessageLayout) -> NatNetFrame:
             if len({id for id, *_ in values}) < count:
                 raise malformed("a rigid body occurs twice")
             tracked = [body for body in values if body[-1] & _TRACKED]
-            bodies = tuple(RigidBody(body[0], body[1:4], body[4:8]) for body in tracked)
+            bodies = tuple(
+                RigidBody(body[0], position=body[1:4], rotation=body[4:8])
+                for body in tracked
+            )
         else:
             _skip_section(reader, section, layout)
     time, flags = _read_suffix(reader, layout)
