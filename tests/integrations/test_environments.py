@@ -308,68 +308,45 @@ class Own(Reach):
         return moment.steps == 3
 
 
-class Shorter(Reach):
-    """Its arms lack modules."""
-
-    def sampled_arm(self, seed):
-        return self.arm.model_copy(update={"modules": self.arm.modules[:1]})
-
-
-class Short(Reach):
-    """Its goals end before an episode."""
-
-    def goals(self, random, tip):
-        return np.tile(tip, (self.steps, 1))
-
-
-class Nowhere(Reach):
-    """Its goals are no places."""
-
-    def goals(self, random, tip):
-        return np.full((self.steps + 2, 3), np.nan)
-
-
-class Flat(Reach):
-    """Its observation has no axis of values."""
-
-    def observe(self, moment):
-        return {"steps": moment.steps}
-
-
-class Square(Reach):
-    """Its rewards are a column, which NumPy would make a square."""
-
-    def rewards(self, moment):
-        return np.zeros((len(moment.steps), 1))
-
-
 SOFTER = {"bending_stiffness": 0.5 * FINGER.modules[0].bending_stiffness}
 
 
-@pytest.mark.parametrize(("task", "steps"), [(Short, 10), (Nowhere, 12)])
-def test_goals_of_another_shape_or_without_numbers_are_refused(task, steps):
-    env = gymnasium.make("S2C2A/Task-v0", task=task, arm=FINGER, seconds=1.0)
-    told = f"(steps + 2, 3), here (12, 3); got shape ({steps}, 3)"
-    with pytest.raises(S2C2AError, match=re.escape(told)):
-        env.reset(seed=0)
-
-
 @pytest.mark.parametrize(
-    ("task", "told"),
+    ("methods", "told"),
     [
-        (None, "or give a class of your own with task=Mine"),
-        (Flat, "'steps': give finite numbers of shape (batch, values), here (2, 1)"),
-        (Square, "rewards: give finite numbers of shape (batch,), here (2,)"),
+        (
+            {"goals": lambda task, random, tip: np.tile(tip, (10, 1))},
+            "(steps + 2, 3), here (12, 3); got shape (10, 3)",
+        ),
+        (
+            {"goals": lambda task, random, tip: np.full((12, 3), np.nan)},
+            "(steps + 2, 3), here (12, 3); got shape (12, 3)",
+        ),
+        (
+            {"observe": lambda task, moment: {"steps": moment.steps}},
+            "'steps': give finite numbers of shape (batch, values), here (2, 1)",
+        ),
+        (
+            # a column, which NumPy would make a square
+            {"rewards": lambda task, moment: np.zeros((len(moment.steps), 1))},
+            "rewards: give finite numbers of shape (batch,), here (2,)",
+        ),
+        (
+            {"sampled_arm": lambda task, seed: load_arm("twin_arm")},
+            "numbers of its modules alone",
+        ),
     ],
 )
-def test_a_task_without_a_class_or_with_values_of_another_shape_is_refused(task, told):
-    def run(**options):
-        env = gymnasium.make_vec("S2C2A/Task-v0", 2, "vector_entry_point", **options)
-        env.reset(seed=0)
-        env.step(env.action_space.sample())
-
+def test_a_task_with_values_of_another_form_is_refused(methods, told):
+    task = type("Wrong", (Reach,), methods)
+    options = {"seconds": 1.0, "randomization": 1.0}
     with pytest.raises(S2C2AError, match=re.escape(told)):
-        run(**({"task": task} if task else {}))
+        begun(task, count=2, **options).step(np.zeros((2, 2)))
+
+
+def test_a_task_without_a_class_is_explained():
+    with pytest.raises(S2C2AError, match="or give a class of your own with task=Mine"):
+        gymnasium.make_vec("S2C2A/Task-v0", 2, "vector_entry_point")
 
 
 def test_a_task_of_ones_own_decides_every_part_of_one_arm_and_of_many():
@@ -389,12 +366,6 @@ def test_a_task_of_ones_own_decides_every_part_of_one_arm_and_of_many():
     np.testing.assert_allclose(alone[4]["error"], 0.01, rtol=0.2)
     modules = one.unwrapped.batch._robots[0].arm.modules
     assert [m.bending_stiffness for m in modules] == [*SOFTER.values()] * len(modules)
-
-
-def test_a_task_that_samples_arms_with_other_cables_is_refused():
-    with pytest.raises(S2C2AError, match="numbers of its modules alone"):
-        begun(Shorter, randomization=1.0)
-    assert begun(Shorter).moment().steps == 0  # without randomization, it samples none
 
 
 def test_the_example_learns_and_writes_a_strategy(tmp_path, capsys):
