@@ -15,7 +15,8 @@ from s2c2a.evaluation.report import Row
 from s2c2a.jobs import Run, jobs_for
 from s2c2a.jobs.rows import score_rows
 from s2c2a.kinematics import PCC, configurations_from_bends, states_from_bends
-from s2c2a.strategies import recipe_named
+from s2c2a.strategies import STRATEGIES, recipe_named
+from s2c2a.tasks import TASKS
 from s2c2a_experiments import tables
 from s2c2a_experiments.run_rows import metric_rows, tick_rows
 from s2c2a_experiments.table_files import (
@@ -88,6 +89,13 @@ def test_coupled_cables_pull_with_half_the_tension():
         assert coupled.tension_range == pytest.approx(alone.tension_range / 2)
         changed = {"pretension": alone.pretension, "tension_range": alone.tension_range}
         assert coupled.model_copy(update=changed) == alone
+
+
+def test_every_task_and_strategy_of_a_table_exists():
+    blocks = [block for table in TABLES.values() for block in table]
+    assert {task for block in blocks for task in block.tasks} <= set(TASKS)
+    for strategy in {name for block in blocks for name in block.strategies}:
+        assert STRATEGIES.find(strategy)
 
 
 def test_rows_of_a_table_can_be_told_apart():
