@@ -59,7 +59,7 @@ def test_it_comes_near_a_target_holds_still_without_one_and_plans_alike_twice(
     np.testing.assert_array_equal(bends, again)
 
 
-@pytest.mark.parametrize("name", [MULTI_IK, SAMPLING, "apf", "pcc-one-step"])
+@pytest.mark.parametrize("name", [MULTI_IK, SAMPLING, "apf", "pcc-one-step", "diff-ik"])
 def test_the_tip_stays_outside_of_an_obstacle_around_its_target(name, built):
     target = FINGER.length * np.array([0.25, 0.0, 0.9])
     radius = 0.1 * FINGER.length
