@@ -94,23 +94,6 @@ def test_randomized_arms_differ_between_episodes():
     assert np.abs(batch.states(0) - first).max() > 1e-4
 
 
-def test_the_arms_are_simulated_robots_with_limited_commands():
-    arm = load_arm("twin_arm")
-    batch = begun(arm=arm)
-    seed = int(np.random.default_rng(0).integers(2**31))
-    robot = SimulatedRobot(arm, seed=seed)
-    robot.open()
-    robot.read()
-    controls, limiter = Controls.of(arm), CommandLimiter(CommandLimits.of(arm))
-    for action in np.random.default_rng(4).uniform(-1, 1, (6, 1, controls.count)):
-        batch.step(action)
-        bends = controls.bends(limiter.command)
-        step = action[0] * ArmGeometry.of(arm).step_limit
-        robot.step(limiter.limit(controls.commands(bends + step)))
-        robot.read()
-    np.testing.assert_array_equal(batch.states(0), robot.states())
-
-
 @pytest.mark.parametrize(("arm", "count"), [("planar_finger", 2), ("twin_arm", 6)])
 def test_controls_are_the_bends_that_cables_command(arm, count):
     controls = Controls.of(load_arm(arm))
@@ -168,16 +151,23 @@ def twins(batch, count, randomization):
     ("arm", "fidelity"),
     slow_after(2, [*((arm, "fast") for arm in ARMS), ("twin_arm", "accurate")]),
 )
-def test_arms_that_advance_together_are_as_robots_alone(arm, fidelity, randomization):
+def test_arms_that_advance_together_are_as_robots_alone_with_limited_commands(
+    arm, fidelity, randomization
+):
     options = {"randomization": randomization, "fidelity": fidelity, "seconds": 4.0}
     batch = begun("Hold", arm, 2, **options)
     robots = twins(batch, 2, randomization)
+    controls, step_limit = batch.controls, ArmGeometry.of(batch.arm).step_limit
+    limiters = [CommandLimiter(CommandLimits.of(batch.arm)) for _ in robots]
     random = np.random.default_rng(4)
-    for step in range(4):
-        batch.step(random.uniform(-1, 1, (2, batch.controls.count)))
+    for step in range(6):
+        actions = random.uniform(-1, 1, (2, controls.count))
+        batch.step(actions)
         for number, robot in enumerate(robots):
+            limiter = limiters[number]
+            bends = controls.bends(limiter.command) + actions[number] * step_limit
             robot.apply_force(batch._forces[number, step])
-            robot.step(batch._commands[number])
+            robot.step(limiter.limit(controls.commands(bends)))
             np.testing.assert_array_equal(batch.states(number), robot.states())
             cables = robot.measure_cables()
             np.testing.assert_array_equal(batch._cables[number], cables)
