@@ -60,6 +60,7 @@ OPERATIONS = {
         (x[0, 0] > 0).astype(int), [lambda: x, lambda: 2.0 * x]
     ),
     "loop": lambda x: lax.while_loop(lambda c: c.sum() < 30.0, lambda c: c + 1.1, x),
+    "empty": lambda x: x + (2.0 * x[:, :0]).sum(),
     "scan": looped,
     "nested scans": nested,
     "gradient": jax.grad(lambda x: jnp.sum(jnp.tanh(MATRIX @ x) ** 2)),
