@@ -5,9 +5,14 @@ from dataclasses import replace
 import pytest
 
 from s2c2a.arm import load_arm
-from s2c2a.jobs import Cache, RecordingArtifact, made
+from s2c2a.jobs import Cache, GivenNetworks, RecordingArtifact, made
 from s2c2a.jobs.circle import ARMS
-from s2c2a.strategies import recipe_named, shipped_networks, train_s2c2a
+from s2c2a.strategies import (
+    recipe_named,
+    save_networks,
+    shipped_networks,
+    train_s2c2a,
+)
 from s2c2a.training import FitOptions
 
 SHORT = FitOptions(max_epochs=25, patience=25)
@@ -16,6 +21,18 @@ SHORT = FitOptions(max_epochs=25, patience=25)
 @pytest.fixture(scope="session")
 def cache(tmp_path_factory):
     return Cache(tmp_path_factory.mktemp("cache"))
+
+
+@pytest.fixture
+def given(tmp_path):
+    """A function that writes trained networks, and reads them as commands do."""
+
+    def read(networks):
+        path = tmp_path / f"{networks.recipe.name}.safetensors"
+        save_networks(networks, path)
+        return GivenNetworks.read(path, networks.arm)
+
+    return read
 
 
 @pytest.fixture(scope="session")

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from s2c2a import strategies
+from s2c2a.arm import save_arm
 from s2c2a.cli.main import main
 from s2c2a.errors import S2C2AError
 from s2c2a.models.forward_model import PCCForwardModel
@@ -42,44 +43,42 @@ def stated(few, monkeypatch):
     monkeypatch.setattr(bench, "simulation_times", timings(*OPERATIONS[2:4]))
 
 
-@pytest.mark.slow
-def test_a_preset_is_timed_with_its_networks(few, tmp_path):
-    main(["bench", "--out", str(tmp_path / "here.json")])
-    saved = json.loads((tmp_path / "here.json").read_text())
+def saved_of(folder, *words):
+    """What the command saves."""
+    main(["bench", *words, "--out", str(folder / "here.json")])
+    saved = json.loads((folder / "here.json").read_text())
     assert [entry["what"] for entry in saved["seconds"]] == OPERATIONS
     assert all(
         0 < entry["median"] <= entry["percentile_99"] < 60 for entry in saved["seconds"]
     )
+    return saved
+
+
+@pytest.mark.slow
+def test_a_preset_is_timed_with_its_networks(few, tmp_path):
+    saved_of(tmp_path)
 
 
 def test_times_of_a_preset_are_compared_with_the_limits(
     stated, tmp_path, capsys, monkeypatch
 ):
     monkeypatch.setattr(os, "getloadavg", lambda: (3.0, 2.0, 1.0))
-    main(["bench", "--out", str(tmp_path / "here.json")])
+    saved = saved_of(tmp_path)
     output = capsys.readouterr().out
     assert "busy (load 3.0)" in output
     assert "jax" in output
     assert "1.30 ms" in output
-    saved = json.loads((tmp_path / "here.json").read_text())
-    assert [entry["what"] for entry in saved["seconds"]] == OPERATIONS
-    assert all(
-        0 < entry["median"] <= entry["percentile_99"] < 60 for entry in saved["seconds"]
-    )
     assert saved["seconds"][0]["at_most"] == 1.3e-3
     assert saved["machine"]["load"] == 3.0
 
 
-def test_another_arm_is_timed_without_limits(stated, tmp_path, capsys, monkeypatch):
+def test_another_arm_is_timed_without_limits(
+    stated, make_arm, tmp_path, capsys, monkeypatch
+):
     monkeypatch.setattr(os, "getloadavg", lambda: (0.0, 0.0, 0.0))
-    main(["arm", "copy", "twin_arm", str(tmp_path / "mine.toml")])
-    mine = tmp_path / "mine.toml"
-    mine.write_text(
-        mine.read_text().replace("bending_stiffness = 0.125", "bending_stiffness = 0.2")
-    )
-    main(["bench", "--arm", str(mine), "--out", str(tmp_path / "here.json")])
+    save_arm(make_arm(), tmp_path / "mine.toml")
+    saved = saved_of(tmp_path, "--arm", str(tmp_path / "mine.toml"))
     assert "busy" not in capsys.readouterr().out
-    saved = json.loads((tmp_path / "here.json").read_text())
     assert [entry["at_most"] for entry in saved["seconds"]] == [None] * len(OPERATIONS)
 
 

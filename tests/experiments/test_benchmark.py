@@ -28,7 +28,6 @@ from s2c2a_experiments.benchmark.entrants import (
     untuned,
     with_weights,
 )
-from s2c2a_experiments.benchmark.figure import pareto
 from s2c2a_experiments.benchmark.result_files import load_results, save_results
 from s2c2a_experiments.benchmark.results import (
     PlannerComparison,
@@ -147,11 +146,27 @@ def test_the_smoke_version_has_one_entrant_of_each_file_and_the_users_own(own):
     assert not {"rrt-star", "pcc-horizon"} & set(names)
 
 
-def test_names_of_the_protocol_are_checked(own):
-    with pytest.raises(S2C2AError, match=r"no entrant 'pc' .did you mean pcc"):
-        benchmark(only=("pc",))
-    with pytest.raises(S2C2AError, match="two entrants are named 'pcc'"):
-        benchmark(entry=("pcc",), only=("pcc",))
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"only": ("pc",)}, r"no entrant 'pc' .did you mean pcc"),
+        ({"entry": ("pcc",), "only": ("pcc",)}, "two entrants are named 'pcc'"),
+        ({"arm": ("twin",)}, r"no arm 'twin' .did you mean twin_arm"),
+        ({"arm": ("other.toml",)}, r"no arm 'other.toml': .* nor a file"),
+        ({"tune": True, "entry": ("mine.py:Mine",)}, "leave out"),
+        ({"tune": True, "seeds": 7}, "leave out"),
+        ({"tune": True, "only": ("ppo",)}, "none of these entrants is tuned"),
+        ({"smoke": True, "only": ("best",)}, "leaves out entrants with training"),
+        (
+            {"smoke": True, "only": ("pcc",), "task": ("orientation",)},
+            "tasks path and obstacles",
+        ),
+        ({"smoke": True, "only": ("pcc",), "seeds": 0}, "at least one"),
+    ],
+)
+def test_arguments_that_make_no_benchmark_are_refused(arguments, message):
+    with pytest.raises(S2C2AError, match=message):
+        benchmark(**arguments)
 
 
 def test_arms_of_the_user_take_part_and_keep_their_names_apart(tmp_path):
@@ -162,10 +177,6 @@ def test_arms_of_the_user_take_part_and_keep_their_names_apart(tmp_path):
     save_arm(TWIN, mine, overwrite=True)
     with pytest.raises(S2C2AError, match="two arms are named 'twin_arm'"):
         command.chosen_arms((str(mine), "twin_arm"), smoke=False)
-    with pytest.raises(S2C2AError, match=r"no arm 'twin' .did you mean twin_arm"):
-        command.chosen_arms(("twin",), smoke=False)
-    with pytest.raises(S2C2AError, match=r"no arm 'other.toml': .* nor a file"):
-        command.chosen_arms(("other.toml",), smoke=False)
 
 
 def test_every_entrant_takes_part_in_what_it_does_not_ignore():
@@ -213,16 +224,9 @@ def test_every_entrant_is_tuned_in_at_most_four_places_from_itself_within_ranges
                 assert ranges[place].low <= value <= ranges[place].high
 
 
-def test_the_arms_of_the_protocol_are_distinct():
-    arms = protocol.protocol_arms()
-    groups = [each.group for each in arms]
-    assert [groups.count(name) for name in ("preset", "randomized", "held out")] == [
-        2,
-        4,
-        2,
-    ]
+def test_the_arms_of_the_protocol_are_distinct_and_none_is_that_of_tuning():
+    arms = [*protocol.protocol_arms(), protocol.tuning_arm()]
     assert len({each.arm.name for each in arms}) == len(arms)
-    assert protocol.tuning_arm().arm.name not in {each.arm.name for each in arms}
 
 
 def result(entrant, task, success, arm=TWIN_ARM, **metrics):
@@ -390,32 +394,39 @@ def test_messages_of_runs_are_one_line_that_a_terminal_shows_as_it_is():
     assert (failed.metrics, failed.step) == ({"success": [0.0]}, None)
 
 
-def test_no_names_of_planners_overlap_in_the_figure(tmp_path, monkeypatch):
-    drawn = []
-    monkeypatch.setattr(figure, "save_figure", lambda made, path: drawn.append(made))
+@pytest.fixture
+def plotted(monkeypatch):
+    """A function that draws success over time, and returns its figure and axes."""
+    made = []
+    monkeypatch.setattr(figure, "save_figure", lambda drawn, path: made.append(drawn))
+
+    def plot(points, **partial):
+        errors = {name: np.ones(3) for name in points}
+        figure.planners_figure(errors, 3, points, "planners.png", **partial)
+        return made[0], made[0].axes[1]
+
+    return plot
+
+
+def test_no_names_of_planners_overlap_in_the_figure(plotted):
     random = np.random.default_rng(0)
     places = random.uniform((1.0, 0.0), (2.0, 1.0), (7, 2))
     points = {f"planner {number}": tuple(place) for number, place in enumerate(places)}
     points |= {"same": (1.5, 0.9), "equal": (1.5, 0.9), "highest": (2.0, 1.0)}
-    errors = {name: np.ones(3) for name in points}
-    figure.planners_figure(errors, 3, points, tmp_path / "planners.png")
-    drawn[0].draw_without_rendering()
-    boxes = [
-        text.get_window_extent() for text in drawn[0].axes[1].texts if text.get_text()
-    ]
+    drawn, axes = plotted(points)
+    drawn.draw_without_rendering()
+    boxes = [text.get_window_extent() for text in axes.texts if text.get_text()]
     assert len(boxes) == len(points)
     assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
 
 
 def test_all_entrants_get_the_same_goals_and_the_whole_axis_counts():
-    names = {}
+    networks = [each for each in entrants() if each.name in ("paper", "best")]
     for name in ("constraint", "orientation"):
         (task,) = protocol.TASKS[name].tasks(TWIN_ARM)
-        names[name] = [score.metric for score in task.scores]
-        for each in entrants():
-            if each.name in ("paper", "best"):
-                assert each.recipe.axis_weight(task.name) == 1.0
-    assert names["orientation"] == ["position", "orientation"]
+        weights = [each.recipe.axis_weight(task.name) for each in networks]
+        assert weights == [1.0, 1.0]
+    assert [score.metric for score in task.scores] == ["position", "orientation"]
 
 
 def test_tuning_takes_the_trial_with_the_smallest_error_and_leaves_out_failed_ones(
@@ -436,30 +447,13 @@ def test_tuning_takes_the_trial_with_the_smallest_error_and_leaves_out_failed_on
             for place in places
         ]
 
+    monkeypatch.setattr(tune, "TUNED_BY", ("path",))  # the other one takes long to make
     monkeypatch.setattr(tune, "try_all", runs)
     found = tune.tune([apf], Cache(tmp_path), None, quiet)
     assert found == {"apf": trials[4]}
     monkeypatch.setattr(tune, "try_all", lambda jobs, *_: [S2C2AError("x")] * len(jobs))
     with pytest.raises(S2C2AError, match="all 10 trials of 'apf' failed"):
         tune.tune([apf], Cache(tmp_path), None, quiet)
-
-
-def test_tuning_refuses_what_it_ignores(own):
-    for ignored in ({"entry": (own,)}, {"seeds": 7}):
-        with pytest.raises(S2C2AError, match="leave out"):
-            benchmark(tune=True, **ignored)
-    with pytest.raises(S2C2AError, match="none of these entrants is tuned"):
-        benchmark(tune=True, only=("ppo",))
-
-
-def test_a_smoke_version_with_nothing_left_is_refused():
-    for arguments, message in (
-        ({"only": ("best",)}, "leaves out entrants with training"),
-        ({"only": ("pcc",), "task": ("orientation",)}, "tasks path and obstacles"),
-        ({"only": ("pcc",), "seeds": 0}, "at least one"),
-    ):
-        with pytest.raises(S2C2AError, match=message):
-            benchmark(smoke=True, **arguments)
 
 
 @pytest.mark.parametrize(
@@ -498,14 +492,13 @@ def test_the_path_length_counts_from_where_the_tip_was():
     assert path_length_ratio(start, detour, task) == pytest.approx(np.sqrt(2.0))
 
 
-def test_an_entrant_with_some_of_the_arms_is_no_part_of_the_line(tmp_path, monkeypatch):
-    drawn = []
-    monkeypatch.setattr(figure, "save_figure", lambda made, path: drawn.append(made))
-    points = {"all": (2.0, 0.5), "one arm": (1.0, 0.9)}
-    errors = {name: np.ones(3) for name in points}
-    figure.planners_figure(errors, 3, points, tmp_path / "p.png", (), ["one arm"])
-    lines = {line.get_label(): line for line in drawn[0].axes[1].lines}
-    assert lines["beaten by none in both"].get_xydata().tolist() == [[2.0, 0.5]]
+def test_the_line_holds_those_that_nobody_beats_in_both_on_all_arms(plotted):
+    points = {"slow": (9.0, 0.9), "fast": (1.0, 0.5), "beaten": (2.0, 0.4)}
+    points |= {"one arm": (0.5, 1.0)}
+    _, axes = plotted(points, partial=["one arm"])
+    lines = {line.get_label(): line for line in axes.lines}
+    front = lines["beaten by none in both"].get_xydata().tolist()
+    assert front == [[1.0, 0.5], [9.0, 0.9]]
 
 
 def test_a_trembling_motion_has_more_jerk_however_long_and_wide_it_is():
@@ -514,8 +507,3 @@ def test_a_trembling_motion_has_more_jerk_however_long_and_wide_it_is():
     trembling = smooth + 1e-3 * np.sin(80 * times) * np.eye(3)[1]
     assert log_jerk(trembling, 0.01) > log_jerk(smooth, 0.01) + 1.0
     assert log_jerk(3.0 * smooth, 0.02) == pytest.approx(log_jerk(smooth, 0.01))
-
-
-def test_the_front_holds_those_that_nobody_beats_in_both():
-    points = {"slow": (9.0, 0.9), "fast": (1.0, 0.5), "beaten": (2.0, 0.4)}
-    assert pareto(points) == ["slow", "fast"]

@@ -10,18 +10,11 @@ from by_hand import bend_plane, equation_10, numbers, sigmoid
 from s2c2a.arm import load_arm
 from s2c2a.models.layers import Scaling
 from s2c2a.training.fit import held
-from s2c2a_experiments.tip_lstm import LSTM, LSTMOptions, TipHistory
+from s2c2a_experiments.tip_lstm import LSTMOptions, TipHistory
 
 TWIN = load_arm("twin_arm")
 SIMULATED = load_arm("simulated_arm")
 run = eqx.filter_jit(lambda network, *inputs: network(*inputs))
-
-
-def an_lstm(seed=0, features=4, outputs=5, layers=2, hidden=8):
-    network = LSTM(features, outputs, layers, hidden, jax.random.key(seed))
-    return eqx.tree_at(
-        lambda n: n.bias_head, network, jnp.asarray(numbers(seed, outputs))
-    )
 
 
 def a_tip_lstm(arm, layers=1):
@@ -29,7 +22,10 @@ def a_tip_lstm(arm, layers=1):
     scaling = Scaling(
         jnp.asarray(numbers(5, 3)), jnp.asarray(np.abs(numbers(6, 3)) + 0.5)
     )
-    return eqx.tree_at(lambda m: m.position_scaling, model, scaling)
+    bias = jnp.asarray(numbers(0, arm.module_count * arm.cable_count))
+    return eqx.tree_at(
+        lambda m: (m.position_scaling, m.network.bias_head), model, (scaling, bias)
+    )
 
 
 def a_history(arm, *batch):
@@ -65,32 +61,26 @@ def slow_lstm(network, inputs):
     )
 
 
-@pytest.mark.parametrize(("layers", "moments"), [(1, 1), (1, 5), (2, 5), (4, 3)])
-def test_an_lstm_agrees_with_a_second_one_for_any_depth_and_time(layers, moments):
-    network, inputs = an_lstm(layers=layers), numbers(0, moments, 4)
-    assert len(network.layers) == layers
-    np.testing.assert_allclose(
-        run(network, inputs), slow_lstm(network, inputs), rtol=1e-5, atol=1e-6
-    )
-
-
-@pytest.mark.parametrize("batch", [(4,), (2, 3)])
-def test_a_batch_through_an_lstm_equals_single_calls(batch):
-    network, inputs = an_lstm(), numbers(1, *batch, 5, 4)
-    together = run(network, inputs)
-    assert together.shape == (*batch, 5)
-    alone = [run(network, one) for one in inputs.reshape(-1, 5, 4)]
-    np.testing.assert_allclose(together.reshape(-1, 5), alone, rtol=1e-5, atol=1e-6)
-
-
 @pytest.mark.parametrize(
-    ("arm", "last_layer"), [(TWIN, equation_10), (SIMULATED, bend_plane)]
+    ("arm", "last_layer", "layers"),
+    [(TWIN, equation_10, 1), (TWIN, equation_10, 4), (SIMULATED, bend_plane, 2)],
 )
-def test_a_tip_lstm_agrees_with_a_second_forward_pass(arm, last_layer):
+def test_a_batch_through_a_tip_lstm_agrees_with_second_forward_passes(
+    arm, last_layer, layers
+):
     """Features of each time step: the tip, the action before, the target."""
-    model = a_tip_lstm(arm, layers=2)
-    desired = numbers(9, 3)
-    history = a_history(arm)
+    model = a_tip_lstm(arm, layers)
+    assert len(model.network.layers) == layers
+    desired, history = numbers(9, 2, 1, 3), a_history(arm, 2, 1)
+    found = run(model, desired, history)
+    assert found.shape == (2, 1, arm.module_count, arm.cable_count)
+    for number, batch in enumerate(found):
+        one = TipHistory(*(values[number, 0] for values in history))
+        expected = last_layer(slow_tip_lstm(model, desired[number, 0], one))
+        np.testing.assert_allclose(batch[0], expected, rtol=1e-5, atol=1e-6)
+
+
+def slow_tip_lstm(model, desired, history):
     center, half = (
         np.asarray(part)
         for part in (model.position_scaling.center, model.position_scaling.half_range)
@@ -101,12 +91,7 @@ def test_a_tip_lstm_agrees_with_a_second_forward_pass(arm, last_layer):
         )
         for position, action in zip(*history, strict=True)
     ]
-    expected = last_layer(
-        slow_lstm(model.network, moments).reshape(arm.module_count, arm.cable_count)
-    )
-    np.testing.assert_allclose(
-        run(model, desired, history), expected, rtol=1e-5, atol=1e-6
-    )
+    return slow_lstm(model.network, moments).reshape(history.actions.shape[1:])
 
 
 def test_training_cannot_move_the_scalings_of_a_tip_lstm():

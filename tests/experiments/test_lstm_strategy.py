@@ -13,7 +13,13 @@ from s2c2a.evaluation import position_errors, rollout
 from s2c2a.planning import Goal
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.spaces import Reading
-from s2c2a.strategies import TrainedNetworks, recipe_named
+from s2c2a.strategies import (
+    TrainedNetworks,
+    labeled,
+    load_networks,
+    recipe_named,
+    save_networks,
+)
 from s2c2a.tasks import Task
 from s2c2a.training import FitOptions, Trained
 from s2c2a_experiments.lstm import LSTMComparison, LSTMStrategy
@@ -29,6 +35,14 @@ def train(recording, options, seed) -> TrainedNetworks:
 
 def at_work(trained) -> LSTMStrategy:
     return LSTMStrategy(trained.arm, trained.networks["LSTM"])
+
+
+@pytest.fixture(scope="module")
+def recording(recording):
+    """Its first episode is shorter than the others, and padded."""
+    first, *others = recording.episodes
+    columns = {name: values[:60] for name, values in first.columns.items()}
+    return replace(recording, episodes=(replace(first, columns=columns), *others))
 
 
 @pytest.fixture(scope="module")
@@ -98,11 +112,16 @@ def answers(trained, samples) -> np.ndarray:
 @pytest.fixture(scope="module")
 def split(recording):
     return lstm_samples(
-        recording.sensor("states")[:, :, -1, :3], recording.actions, np.zeros((3, 3))
+        recording.sensor("states")[:, :, -1, :3],
+        recording.actions,
+        np.zeros((3, 3)),
+        recording.lengths,
     )
 
 
-def percent_of(trained, split) -> tuple[float, float]:
+def test_the_percent_is_that_of_its_actions_in_their_units_without_padding(
+    trained, split
+):
     """Mean and deviation of the errors of its actions, in percent of their range."""
     targets = np.concatenate(
         [part.targets for part in (split.training, split.validation, split.test)]
@@ -112,24 +131,9 @@ def percent_of(trained, split) -> tuple[float, float]:
         * np.abs(answers(trained, split.test) - split.test.targets)
         / np.ptp(targets, axis=0)
     )
-    return percent.mean(), percent.std()
-
-
-def test_the_percent_is_that_of_its_actions_in_their_units(trained, split):
-    percent = percent_of(trained, split)
-    assert trained.trained["LSTM"].percent == pytest.approx(percent, rel=1e-3)
-    assert 0.5 < percent[0] < 25
-
-
-def test_padding_of_shorter_episodes_does_not_count(recording, options):
-    first, *others = recording.episodes
-    columns = {name: values[:60] for name, values in first.columns.items()}
-    short = replace(recording, episodes=(replace(first, columns=columns), *others))
-    tips = short.sensor("states")[:, :, -1, :3]
-    split = lstm_samples(tips, short.actions, np.zeros((3, 3)), short.lengths)
-    trained = train(short, replace(options, fit=FROZEN), seed=0)
-    percent = percent_of(trained, split)
-    assert trained.trained["LSTM"].percent == pytest.approx(percent, rel=1e-3)
+    known = trained.trained["LSTM"].percent
+    assert known == pytest.approx((percent.mean(), percent.std()), rel=1e-3)
+    assert 0.5 < percent.mean() < 25
 
 
 @pytest.mark.slow
@@ -148,23 +152,52 @@ def test_noise_on_the_past_actions_is_used_in_training_and_nowhere_else(
 
 
 def test_training_without_true_states_is_refused(recording, options):
-    def with_states(values):
-        columns = {
-            name: value
-            for name, value in recording.episodes[0].columns.items()
-            if name != "sensor.states"
-        }
-        columns |= {} if values is None else {"sensor.states": values}
-        return replace(
-            recording,
-            options={},
-            episodes=(replace(recording.episodes[0], columns=columns),),
-        )
+    episode = recording.episodes[0]
+    columns = dict(episode.columns)
+    states = columns.pop("sensor.states")
+    unknown = {**columns, "sensor.states": np.full_like(states, np.nan)}
+    for kept, message in (
+        (columns, "lacks 'states'"),
+        (unknown, "lacks true states"),
+    ):
+        episodes = (replace(episode, columns=kept),)
+        with pytest.raises(RecordingError, match=message):
+            train(replace(recording, options={}, episodes=episodes), options, seed=0)
 
-    with pytest.raises(RecordingError, match="lacks 'states'"):
-        train(with_states(None), options, seed=0)
-    with pytest.raises(RecordingError, match="lacks true states"):
-        train(with_states(np.full((100, 3, 6), np.nan)), options, seed=0)
+
+@pytest.fixture(scope="module")
+def saved(trained, options, tmp_path_factory):
+    path = tmp_path_factory.mktemp("lstm") / "deep" / "twin.safetensors"
+    save_networks(labeled(trained, LSTMComparison(options)), path)
+    return path
+
+
+def test_everything_comes_back_from_a_file(saved, trained):
+    loaded = load_networks(saved)
+    assert loaded.strategy == "lstm"
+    for name in ("arm", "recipe", "seed"):
+        assert getattr(loaded, name) == getattr(trained, name)
+    before, after = (one.trained["LSTM"] for one in (trained, loaded))
+    assert after.percent == before.percent
+    np.testing.assert_array_equal(after.curve, before.curve)
+    for one, two in zip(
+        jax.tree.leaves(before.network), jax.tree.leaves(after.network), strict=True
+    ):
+        np.testing.assert_array_equal(one, two)
+
+
+@pytest.mark.parametrize(
+    ("stated", "message"),
+    [
+        ({"layers": 1, "hidden": 8, "heads": 2}, "heads"),
+        ({"layers": 0, "hidden": 8}, "damaged"),
+    ],
+)
+def test_a_file_with_options_that_cannot_be_is_refused(saved, forged, stated, message):
+    options = {"strategy_options": {"options": stated}}
+    changed = forged(saved, lambda known, found: known.update(options))
+    with pytest.raises(StrategyError, match=message):
+        load_networks(changed)
 
 
 @pytest.mark.slow

@@ -12,39 +12,27 @@ from s2c2a.control import NetworkController
 from s2c2a.estimation import configuration_map_for
 from s2c2a.evaluation import angles_deg
 from s2c2a.execution.compilation import compiled
-from s2c2a.jobs import GivenNetworks, jobs_for, make_all, score_rows
+from s2c2a.jobs import jobs_for, make_all, score_rows
 from s2c2a.planning import PAPER, Goal
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.spaces import Reading
-from s2c2a.strategies import TrainedNetworks, pcc_strategy, save_networks
+from s2c2a.strategies import TrainedNetworks, pcc_strategy
 from s2c2a.tasks.circle import APPROACH_TIME, circle_path
 
 
-def errors_on_circle(
-    networks: TrainedNetworks, cache, *strategies: str
-) -> dict[str, float]:
-    path = (
-        cache.folder / f"{networks.recipe.name}-{networks.arm.name}-given.safetensors"
-    )
-    save_networks(networks, path)
-    given = GivenNetworks.read(path, networks.arm)
-    runs = make_all(
-        jobs_for(
-            ["circle"], networks.arm, strategies, [0], given.recipe, weights=given
-        ),
-        cache,
-    )
+@pytest.mark.slow
+def test_on_the_twin_s2c2a_beats_pcc_and_what_pcc_can_be_fitted_to(
+    trained, given, cache
+):
+    weights = given(trained["twin_arm"])
+    names = ["s2c2a", "pcc", "pcc-fitted"]
+    arm, recipe = weights.arm, weights.recipe
+    jobs = jobs_for(["circle"], arm, names, [0], recipe, weights=weights)
+    runs = make_all(jobs, cache)
     assert all((run.episode.ran("tick_time") > 0).all() for run in runs)
     rows = score_rows("circle", runs)
-    assert [(row.strategy, row.metric, row.unit) for row in rows] == [
-        (name, "position", "cm") for name in strategies
-    ]
-    return {row.strategy: row.mean for row in rows}
-
-
-@pytest.mark.slow
-def test_on_the_twin_s2c2a_beats_pcc_and_what_pcc_can_be_fitted_to(trained, cache):
-    errors = errors_on_circle(trained["twin_arm"], cache, "s2c2a", "pcc", "pcc-fitted")
+    assert {(row.metric, row.unit) for row in rows} == {("position", "cm")}
+    errors = {row.strategy: row.mean for row in rows}
     assert errors["s2c2a"] <= 1.0
     assert errors["s2c2a"] < errors["pcc"]
     assert errors["s2c2a"] < errors["pcc-fitted"]

@@ -45,9 +45,8 @@ def asked(monkeypatch, tmp_path):
     ],
 )
 def test_a_table_has_the_settings_of_its_rows(name, asked, monkeypatch):
-    for study, rows in (("session", "session_rows"), ("shapes", "shape_rows")):
-        monkeypatch.setattr(f"s2c2a_experiments.{study}.{rows}", failing)
-    monkeypatch.setattr("s2c2a_experiments.scenes.scene_rows", failing)
+    for rows in ("session.session_rows", "shapes.shape_rows", "scenes.scene_rows"):
+        monkeypatch.setattr(f"s2c2a_experiments.{rows}", failing)
     with pytest.raises(RequestedError):
         cli.reproduce(name)
     file = ROOT / "results" / name / "options.json"

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import load_arm
-from s2c2a.jobs import Cache, Conditions, GivenNetworks, jobs_for, make_all
+from s2c2a.jobs import Cache, Conditions, jobs_for, make_all
 from s2c2a.robots import RobotFactory
 from s2c2a.spaces import POSITION
-from s2c2a.strategies import RunOptions, recipe_named, save_networks, shipped_networks
+from s2c2a.strategies import RunOptions, recipe_named, shipped_networks
 from s2c2a_experiments import scenes
 from s2c2a_experiments.scenes import UNSOLVABLE, unsolvable_task
 
@@ -66,15 +66,12 @@ def test_a_target_too_far_is_farther_than_the_arm_is_long(seed):
 
 
 @pytest.mark.slow
-def test_a_plan_tells_that_a_covered_target_has_no_way(tmp_path, monkeypatch):
+def test_a_plan_tells_that_a_covered_target_has_no_way(given, tmp_path, monkeypatch):
     monkeypatch.setattr(scenes, "SCENE_TIME", 3.0)
-    path = tmp_path / "twin.safetensors"
-    save_networks(shipped_networks(TWIN), path)
-    given = GivenNetworks.read(path, TWIN)
     conditions = Conditions(RobotFactory.simulation(), RunOptions("arm"))
     task = unsolvable_task(TWIN, UNSOLVABLE.index("covered"))
-    recipe = recipe_named("best")
-    jobs = jobs_for([task], TWIN, ["s2c2a"], [0], recipe, conditions, given)
+    recipe, weights = recipe_named("best"), given(shipped_networks(TWIN))
+    jobs = jobs_for([task], TWIN, ["s2c2a"], [0], recipe, conditions, weights)
     runs = make_all(jobs, Cache(tmp_path / "data", tmp_path / "runs"))
     rows = scenes._shares_told("covered", runs)
     assert [row.mean for row in rows] == [1.0, 1.0]

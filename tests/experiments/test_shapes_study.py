@@ -1,18 +1,12 @@
 """The study of shapes: what it asks for, and the best fit of a curve."""
 
 import numpy as np
-import pytest
 
 from s2c2a.arm import ArmGeometry
 from s2c2a.arm.geometry import center_line
 from s2c2a_experiments import shapes, true_reach
 from s2c2a_experiments.shapes import ShapeStudy, best_fit, shape_rows
 from s2c2a_experiments.true_reach import TrueReach
-
-
-@pytest.fixture
-def few_samples(monkeypatch):
-    monkeypatch.setattr(true_reach, "SAMPLES", 32)
 
 
 def test_every_kind_of_curves_is_taken_by_both_strategies(twin, monkeypatch, asked):
@@ -26,7 +20,8 @@ def test_every_kind_of_curves_is_taken_by_both_strategies(twin, monkeypatch, ask
     ]
 
 
-def test_a_curve_of_the_arm_itself_is_fitted(twin, few_samples):
+def test_a_curve_of_the_arm_itself_is_fitted(twin, monkeypatch):
+    monkeypatch.setattr(true_reach, "SAMPLES", 32)
     reach = TrueReach(twin)
     actions = np.array([[[0.3, 0.1], [0.2, 0.2], [-0.2, 0.1]]])
     line = center_line(reach.states(actions), ArmGeometry.of(twin).lengths)[0]

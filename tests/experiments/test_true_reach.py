@@ -37,17 +37,12 @@ def reach(mismatched):
 
 def without_memory(arm):
     """The arm without backlash, friction, creep and homing error."""
-    lasting = [
-        module.model_copy(
-            update={
-                "cable": module.cable.model_copy(
-                    update={"backlash": 0.0, "friction": 0.0}
-                ),
-                "mismatch": module.mismatch.model_copy(update={"relaxing": (0.0, 0.0)}),
-            }
-        )
-        for module in arm.modules
-    ]
+    lasting = []
+    for module in arm.modules:
+        cable = module.cable.model_copy(update={"backlash": 0.0, "friction": 0.0})
+        mismatch = module.mismatch.model_copy(update={"relaxing": (0.0, 0.0)})
+        changes = {"cable": cable, "mismatch": mismatch}
+        lasting.append(module.model_copy(update=changes))
     motor = arm.motor.model_copy(update={"homing_error": 0.0})
     return arm.model_copy(update={"modules": tuple(lasting), "motor": motor})
 
@@ -103,20 +98,14 @@ def test_backlash_homing_errors_and_friction_reduce_the_usable_range(make_arm):
 def test_only_unreachable_goals_are_moved_to_the_nearest_shape(
     mismatched, reach, tmp_path
 ):
-    inside = reach.states(reach.random_actions(1, np.random.default_rng(2)))[
-        0, -1, POSITION
-    ]
+    actions = reach.random_actions(1, np.random.default_rng(2))
+    inside = reach.states(actions)[0, -1, POSITION]
     places = ((1.0, inside), (2.0, inside), (2.5, (0, 0, 0.7)))
-    lines = [
-        "time,x,y,z",
-        *(f"{time},{','.join(map(str, place))}" for time, place in places),
-    ]
-    (tmp_path / "up.csv").write_text("\n".join(lines))
+    rows = [f"{time},{','.join(map(str, place))}" for time, place in places]
+    (tmp_path / "up.csv").write_text("\n".join(["time,x,y,z", *rows]))
     name = str(tmp_path / "up.csv")
-    asked, moved = (
-        load_task(name, mismatched),
-        made(ReachableTask(mismatched, name), Cache(tmp_path)),
-    )
+    asked = load_task(name, mismatched)
+    moved = made(ReachableTask(mismatched, name), Cache(tmp_path))
     before, after = asked.desired_positions()[:, -1], moved.desired_positions()[:, -1]
     np.testing.assert_allclose(before[:20], np.tile(inside, (20, 1)), atol=1e-6)
     np.testing.assert_array_equal(after[:16], before[:16])
@@ -141,20 +130,14 @@ def test_random_targets_are_reachable_unless_they_should_not_be(
     mismatched, reach, tmp_path
 ):
     cache = Cache(tmp_path)
-    inside, beyond = (
-        made(RandomTargets(mismatched, 4), cache),
-        made(RandomTargets(mismatched, 4, unreachable_waypoints=True), cache),
-    )
+    inside = made(RandomTargets(mismatched, 4), cache)
+    beyond = made(RandomTargets(mismatched, 4, unreachable_waypoints=True), cache)
     assert len(inside.task.goals) == len(beyond.task.goals) == 4 * 50
     assert not inside.distances.any()
     assert beyond.distances.min() > 0.01
     first = beyond.task.desired_positions()[0, -1]
-    assert (
-        np.linalg.norm(
-            reach.nearest(Goal.of(3).with_position(first)).states[-1, POSITION] - first
-        )
-        > 0.01
-    )
+    found = reach.nearest(Goal.of(3).with_position(first)).states
+    assert np.linalg.norm(found[-1, POSITION] - first) > 0.01
     actions = reach.random_actions(4, np.random.default_rng([4, 0]))
     np.testing.assert_allclose(
         inside.task.desired_positions()[::50, -1],

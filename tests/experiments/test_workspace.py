@@ -32,6 +32,9 @@ def test_pcc_errs_on_the_twin_as_on_the_papers_arm():
     assert errors.mean() == pytest.approx(2.5, rel=0.3)
 
 
+HYSTERESIS = ("backlash", "friction", "creep")
+
+
 @pytest.mark.parametrize(
     ("name", "kinds"),
     [
@@ -43,8 +46,5 @@ def test_pcc_errs_on_the_twin_as_on_the_papers_arm():
 )
 def test_each_twin_has_its_own_kind_of_hysteresis(name, kinds):
     for module in load_arm(name).modules:
-        assert {
-            kind
-            for kind in ("backlash", "friction", "creep")
-            if getattr(module.cable, kind) > 0
-        } == kinds
+        sizes = {name: getattr(module.cable, name) for name in HYSTERESIS}
+        assert {name for name, size in sizes.items() if size > 0} == kinds

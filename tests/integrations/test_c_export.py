@@ -146,12 +146,11 @@ def test_names_of_files_become_names_of_c(tmp_path):
     assert name_of(tmp_path / "2arms.c") == "arm_2arms"
 
 
-def test_a_header_is_no_source(tmp_path):
-    with pytest.raises(StrategyError, match=r"choose a name that ends in \.c"):
-        export_c(tmp_path / "any.safetensors", tmp_path / "only.h")
-
-
-def test_only_weights_are_exported_to_c(tmp_path):
-    with pytest.raises(StrategyError, match="no"):
-        export_c(tmp_path / "none.safetensors", tmp_path / "none.c")
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [("only.h", r"choose a name that ends in \.c"), ("none.c", "no")],
+)
+def test_a_header_is_no_source_and_only_weights_are_exported(tmp_path, name, message):
+    with pytest.raises(StrategyError, match=message):
+        export_c(tmp_path / "none.safetensors", tmp_path / name)
     assert not list(tmp_path.iterdir())

@@ -94,23 +94,6 @@ def test_randomized_arms_differ_between_episodes():
     assert np.abs(batch.states(0) - first).max() > 1e-4
 
 
-def test_the_arms_are_simulated_robots_with_limited_commands():
-    arm = load_arm("twin_arm")
-    batch = begun(arm=arm)
-    seed = int(np.random.default_rng(0).integers(2**31))
-    robot = SimulatedRobot(arm, seed=seed)
-    robot.open()
-    robot.read()
-    controls, limiter = Controls.of(arm), CommandLimiter(CommandLimits.of(arm))
-    for action in np.random.default_rng(4).uniform(-1, 1, (6, 1, controls.count)):
-        batch.step(action)
-        bends = controls.bends(limiter.command)
-        step = action[0] * ArmGeometry.of(arm).step_limit
-        robot.step(limiter.limit(controls.commands(bends + step)))
-        robot.read()
-    np.testing.assert_array_equal(batch.states(0), robot.states())
-
-
 @pytest.mark.parametrize(("arm", "count"), [("planar_finger", 2), ("twin_arm", 6)])
 def test_controls_are_the_bends_that_cables_command(arm, count):
     controls = Controls.of(load_arm(arm))
@@ -168,16 +151,23 @@ def twins(batch, count, randomization):
     ("arm", "fidelity"),
     slow_after(2, [*((arm, "fast") for arm in ARMS), ("twin_arm", "accurate")]),
 )
-def test_arms_that_advance_together_are_as_robots_alone(arm, fidelity, randomization):
+def test_arms_that_advance_together_are_as_robots_alone_with_limited_commands(
+    arm, fidelity, randomization
+):
     options = {"randomization": randomization, "fidelity": fidelity, "seconds": 4.0}
     batch = begun("Hold", arm, 2, **options)
     robots = twins(batch, 2, randomization)
+    controls, step_limit = batch.controls, ArmGeometry.of(batch.arm).step_limit
+    limiters = [CommandLimiter(CommandLimits.of(batch.arm)) for _ in robots]
     random = np.random.default_rng(4)
-    for step in range(4):
-        batch.step(random.uniform(-1, 1, (2, batch.controls.count)))
+    for step in range(6):
+        actions = random.uniform(-1, 1, (2, controls.count))
+        batch.step(actions)
         for number, robot in enumerate(robots):
+            limiter = limiters[number]
+            bends = controls.bends(limiter.command) + actions[number] * step_limit
             robot.apply_force(batch._forces[number, step])
-            robot.step(batch._commands[number])
+            robot.step(limiter.limit(controls.commands(bends)))
             np.testing.assert_array_equal(batch.states(number), robot.states())
             cables = robot.measure_cables()
             np.testing.assert_array_equal(batch._cables[number], cables)
@@ -308,68 +298,45 @@ class Own(Reach):
         return moment.steps == 3
 
 
-class Shorter(Reach):
-    """Its arms lack modules."""
-
-    def sampled_arm(self, seed):
-        return self.arm.model_copy(update={"modules": self.arm.modules[:1]})
-
-
-class Short(Reach):
-    """Its goals end before an episode."""
-
-    def goals(self, random, tip):
-        return np.tile(tip, (self.steps, 1))
-
-
-class Nowhere(Reach):
-    """Its goals are no places."""
-
-    def goals(self, random, tip):
-        return np.full((self.steps + 2, 3), np.nan)
-
-
-class Flat(Reach):
-    """Its observation has no axis of values."""
-
-    def observe(self, moment):
-        return {"steps": moment.steps}
-
-
-class Square(Reach):
-    """Its rewards are a column, which NumPy would make a square."""
-
-    def rewards(self, moment):
-        return np.zeros((len(moment.steps), 1))
-
-
 SOFTER = {"bending_stiffness": 0.5 * FINGER.modules[0].bending_stiffness}
 
 
-@pytest.mark.parametrize(("task", "steps"), [(Short, 10), (Nowhere, 12)])
-def test_goals_of_another_shape_or_without_numbers_are_refused(task, steps):
-    env = gymnasium.make("S2C2A/Task-v0", task=task, arm=FINGER, seconds=1.0)
-    told = f"(steps + 2, 3), here (12, 3); got shape ({steps}, 3)"
-    with pytest.raises(S2C2AError, match=re.escape(told)):
-        env.reset(seed=0)
-
-
 @pytest.mark.parametrize(
-    ("task", "told"),
+    ("methods", "told"),
     [
-        (None, "or give a class of your own with task=Mine"),
-        (Flat, "'steps': give finite numbers of shape (batch, values), here (2, 1)"),
-        (Square, "rewards: give finite numbers of shape (batch,), here (2,)"),
+        (
+            {"goals": lambda task, random, tip: np.tile(tip, (10, 1))},
+            "(steps + 2, 3), here (12, 3); got shape (10, 3)",
+        ),
+        (
+            {"goals": lambda task, random, tip: np.full((12, 3), np.nan)},
+            "(steps + 2, 3), here (12, 3); got shape (12, 3)",
+        ),
+        (
+            {"observe": lambda task, moment: {"steps": moment.steps}},
+            "'steps': give finite numbers of shape (batch, values), here (2, 1)",
+        ),
+        (
+            # a column, which NumPy would make a square
+            {"rewards": lambda task, moment: np.zeros((len(moment.steps), 1))},
+            "rewards: give finite numbers of shape (batch,), here (2,)",
+        ),
+        (
+            {"sampled_arm": lambda task, seed: load_arm("twin_arm")},
+            "numbers of its modules alone",
+        ),
     ],
 )
-def test_a_task_without_a_class_or_with_values_of_another_shape_is_refused(task, told):
-    def run(**options):
-        env = gymnasium.make_vec("S2C2A/Task-v0", 2, "vector_entry_point", **options)
-        env.reset(seed=0)
-        env.step(env.action_space.sample())
-
+def test_a_task_with_values_of_another_form_is_refused(methods, told):
+    task = type("Wrong", (Reach,), methods)
+    options = {"seconds": 1.0, "randomization": 1.0}
     with pytest.raises(S2C2AError, match=re.escape(told)):
-        run(**({"task": task} if task else {}))
+        begun(task, count=2, **options).step(np.zeros((2, 2)))
+
+
+def test_a_task_without_a_class_is_explained():
+    with pytest.raises(S2C2AError, match="or give a class of your own with task=Mine"):
+        gymnasium.make_vec("S2C2A/Task-v0", 2, "vector_entry_point")
 
 
 def test_a_task_of_ones_own_decides_every_part_of_one_arm_and_of_many():
@@ -389,12 +356,6 @@ def test_a_task_of_ones_own_decides_every_part_of_one_arm_and_of_many():
     np.testing.assert_allclose(alone[4]["error"], 0.01, rtol=0.2)
     modules = one.unwrapped.batch._robots[0].arm.modules
     assert [m.bending_stiffness for m in modules] == [*SOFTER.values()] * len(modules)
-
-
-def test_a_task_that_samples_arms_with_other_cables_is_refused():
-    with pytest.raises(S2C2AError, match="numbers of its modules alone"):
-        begun(Shorter, randomization=1.0)
-    assert begun(Shorter).moment().steps == 0  # without randomization, it samples none
 
 
 def test_the_example_learns_and_writes_a_strategy(tmp_path, capsys):

@@ -4,6 +4,7 @@ import importlib.util
 import sys
 import time
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 
 import numpy as np
@@ -38,22 +39,15 @@ arm = load("arm")
 expert = load("expert")
 
 
-class Clock:
+def clock(rate: float):
     """A clock of frames at a rate [Hz]."""
-
-    def __init__(self, rate: float):
-        self.period = 1.0 / rate
-        self.now = 0.0
-
-    def __call__(self) -> float:
-        self.now += self.period
-        return self.now
+    return count(0.0, 1.0 / rate).__next__
 
 
 @pytest.fixture
 def driven():
     """An open simulated arm, with frames at its control rate."""
-    made = arm.DrivenArm(SimulatedRobot(ARM), now=Clock(ARM.control_rate))
+    made = arm.DrivenArm(SimulatedRobot(ARM), now=clock(ARM.control_rate))
     made.open()
     yield made
     made.close()
@@ -106,7 +100,7 @@ def test_bad_actions_are_refused_before_anything_is_sent(driven, action, message
 
 
 def test_frames_faster_than_the_control_rate_are_an_error():
-    fast = arm.DrivenArm(SimulatedRobot(ARM), now=Clock(30.0))
+    fast = arm.DrivenArm(SimulatedRobot(ARM), now=clock(30.0))
     fast.open()
     for _ in range(arm.CHECKED_FRAMES):
         fast.step(commands(0.0))
@@ -116,7 +110,7 @@ def test_frames_faster_than_the_control_rate_are_an_error():
 
 
 def test_frames_slower_than_the_control_rate_are_a_warning(caplog):
-    slow = arm.DrivenArm(SimulatedRobot(ARM), now=Clock(5.0))
+    slow = arm.DrivenArm(SimulatedRobot(ARM), now=clock(5.0))
     slow.open()
     for _ in range(arm.CHECKED_FRAMES + 1):
         slow.step(commands(0.0))

@@ -87,13 +87,10 @@ def test_a_policy_without_a_goal_stands_still():
     assert not driver.plan(reading, Goal.of(2)).any()
 
 
-def test_layers_for_another_arm_are_refused(tmp_path):
-    with pytest.raises(StrategyError, match="this arm needs"):
-        save_policy(tmp_path / "a.safetensors", FINGER, random_layers(inputs=7))
-
-
-def test_an_existing_file_stays(tmp_path):
+def test_layers_for_another_arm_are_refused_and_an_existing_file_stays(tmp_path):
     file = tmp_path / "policy.safetensors"
+    with pytest.raises(StrategyError, match="this arm needs"):
+        save_policy(file, FINGER, random_layers(inputs=7))
     save_policy(file, FINGER, random_layers())
     with pytest.raises(StrategyError, match="exists"):
         save_policy(file, FINGER, random_layers())

@@ -165,17 +165,24 @@ class RecordingNode:
         return messages.append
 
 
-def test_every_step_is_published_and_markers_and_status_seldom(
-    control, snapshot, twin, log
-):
-    node = RecordingNode()
+@pytest.fixture
+def node():
+    return RecordingNode()
+
+
+@pytest.fixture
+def reporter(control, twin, node, log):
     outputs = Outputs(twin, "base")
-    reporter = Reporter(control, outputs, node, "/arm", lambda: 3, log.append)
+    return Reporter(control, outputs, node, "/arm", lambda: 3, log.append)
+
+
+def test_every_step_is_published_and_markers_and_status_seldom(
+    control, snapshot, node, reporter
+):
+    poses = node.published["/arm/tip_pose"]
     for number in range(5):
         control._show(snapshot)
-        until(
-            lambda expected=number + 1: len(node.published["/arm/tip_pose"]) == expected
-        )
+        until(lambda expected=number + 1: len(poses) == expected)
     reporter.close()
     counts = {name: len(messages) for name, messages in node.published.items()}
     assert counts["/arm/joint_states"] == counts["/arm/joint_commands"] == 5
@@ -185,11 +192,7 @@ def test_every_step_is_published_and_markers_and_status_seldom(
     assert ("refused_messages", "3") in [(pair.key, pair.value) for pair in values]
 
 
-def test_an_odd_sensor_does_not_end_the_topics(control, snapshot, twin, log):
-    node = RecordingNode()
-    reporter = Reporter(
-        control, Outputs(twin, "base"), node, "/arm", lambda: 0, log.append
-    )
+def test_an_odd_sensor_does_not_end_the_topics(control, snapshot, node, reporter, log):
     odd = replace(snapshot.step.reading, sensors={"cables": np.zeros(4)})
     step = replace(snapshot.step, reading=odd)
     control._show(replace(snapshot, step=step))

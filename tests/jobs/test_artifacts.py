@@ -32,30 +32,25 @@ def cache(tmp_path):
     return Cache(tmp_path / "data", tmp_path / "runs")
 
 
-def test_a_recording_is_collected_once(cache):
-    first, told = made(SMALL, cache), []
-    written = SMALL.path(cache).stat().st_mtime_ns
+def test_a_recording_is_collected_once_and_replaced_if_it_is_damaged(cache):
+    first, path, told = made(SMALL, cache), SMALL.path(cache), []
+    written = path.stat().st_mtime_ns
     second = made(SMALL, cache, lambda *what: told.append(what))
-    assert (told, SMALL.path(cache).stat().st_mtime_ns) == ([], written)
-    np.testing.assert_array_equal(first.actions, second.actions)
-
-
-def test_a_damaged_recording_is_replaced(cache):
-    first, path = made(SMALL, cache), SMALL.path(cache)
+    assert (told, path.stat().st_mtime_ns) == ([], written)
     path.write_bytes(path.read_bytes()[:700])
-    np.testing.assert_array_equal(first.actions, made(SMALL, cache).actions)
+    for again in (second, made(SMALL, cache)):
+        np.testing.assert_array_equal(first.actions, again.actions)
 
 
 def test_the_path_of_networks_depends_on_all_training_inputs(cache):
     networks = NetworksArtifact(TWIN, PAPER, 0)
     same = replace(PAPER, integral_gain=0.3)
-    others = [replace(PAPER, history_noise=0.1), replace(PAPER, speeds=(0.03, 0.2))]
     assert replace(networks, recipe=same).path(cache) == networks.path(cache)
-    different = [replace(networks, recipe=one) for one in others] + [
-        replace(networks, seed=1)
-    ]
-    different += [
+    different = [
+        replace(networks, recipe=replace(PAPER, history_noise=0.1)),
+        replace(networks, recipe=replace(PAPER, speeds=(0.03, 0.2))),
         replace(networks, recipe=replace(PAPER, babbling="motor")),
+        replace(networks, seed=1),
         replace(networks, arm=load_arm("twin_creep")),
     ]
     assert len({one.path(cache) for one in [networks, *different]}) == 6
@@ -82,28 +77,19 @@ def pcc_job(waypoints, **changes):
     return replace(job, **changes)
 
 
-def test_a_finished_run_is_loaded_with_the_same_scores(waypoints, cache):
-    told = []
-    (first,) = make_all([pcc_job(waypoints)], cache)
-    (again,) = make_all(
-        [pcc_job(waypoints)], cache, progress=lambda *what: told.append(what)
-    )
-    assert told == []
-    assert (again.strategy, again.seed, again.task) == ("pcc", 3, "short")
-    assert [one.value for one in again.scores] == [one.value for one in first.scores]
-    np.testing.assert_array_equal(
-        again.episode.after("states"), first.episode.after("states")
-    )
-
-
-def test_a_damaged_run_is_made_again(waypoints, cache):
-    job = pcc_job(waypoints)
+def test_a_finished_run_is_loaded_and_a_damaged_one_made_again(waypoints, cache):
+    told, job = [], pcc_job(waypoints)
     (first,) = make_all([job], cache)
+    (loaded,) = make_all([job], cache, progress=lambda *what: told.append(what))
+    assert told == []
     job.path(cache).write_bytes(job.path(cache).read_bytes()[:100])
     (again,) = make_all([job], cache)
-    np.testing.assert_array_equal(
-        again.episode.after("states"), first.episode.after("states")
-    )
+    for run in (loaded, again):
+        assert (run.strategy, run.seed, run.task) == ("pcc", 3, "short")
+        assert [one.value for one in run.scores] == [one.value for one in first.scores]
+        np.testing.assert_array_equal(
+            run.episode.after("states"), first.episode.after("states")
+        )
 
 
 def test_the_path_of_a_run_depends_on_all_its_inputs(waypoints, cache):

@@ -1,4 +1,4 @@
-"""An error names the steps of an interrupted run only if this run saved them."""
+"""Steps of a run: streamed, on disk while a real arm runs, kept if it is interrupted."""
 
 import time
 from contextlib import suppress
@@ -99,6 +99,19 @@ def test_a_simulated_run_writes_no_steps(job, tmp_path):
     with job._steps_on_disk(SimpleNamespace(own_time=True), Cache(tmp_path)) as add:
         add(step(0))
     assert list(tmp_path.rglob("*")) == []
+
+
+def test_steps_of_a_job_are_streamed_and_no_part_of_its_result(
+    job, tmp_path, monkeypatch
+):
+    steps = [step(number) for number in range(3)]
+    monkeypatch.setattr(evaluation, "rollout", run_of(*steps))
+    shown = []
+    streamed = replace(job, on_step=shown.append)
+    streamed.make(Cache(tmp_path), lambda *_: None)
+    assert shown == steps
+    assert streamed.file == job.file
+    assert streamed == job
 
 
 @pytest.fixture

@@ -90,6 +90,11 @@ def run_in(folder, **options):
     return folder
 
 
+def refused(folder, message):
+    with pytest.raises(S2C2AError, match=message):
+        open_run_directory(folder, "x", {}, overwrite=True)
+
+
 OTHERS = {
     "a file": lambda folder: (folder / "thesis.tex").write_text("of value"),
     "in a folder": lambda folder: (folder / "runs/thesis.tex").write_text("of value"),
@@ -105,8 +110,7 @@ def test_a_run_directory_with_anything_else_is_not_replaced(tmp_path, add):
     folder = run_in(tmp_path / "run")
     add(folder)
     before = sorted(folder.rglob("*"))
-    with pytest.raises(S2C2AError, match=r"holds .*thesis\.tex"):
-        open_run_directory(folder, "x", {}, overwrite=True)
+    refused(folder, r"holds .*thesis\.tex")
     assert sorted(folder.rglob("*")) == before
     assert sorted(path.name for path in tmp_path.iterdir()) == ["run"]
 
@@ -114,12 +118,10 @@ def test_a_run_directory_with_anything_else_is_not_replaced(tmp_path, add):
 def test_a_folder_of_the_user_is_not_replaced_for_the_names_of_its_files(tmp_path):
     for name in ("options.json", "thesis.tex"):
         (tmp_path / name).write_text("{}")
-    with pytest.raises(S2C2AError, match=r"options\.json, thesis\.tex, which no run"):
-        open_run_directory(tmp_path, "x", {}, overwrite=True)
+    refused(tmp_path, r"options\.json, thesis\.tex, which no run")
     assert (tmp_path / "thesis.tex").exists()
     (tmp_path / "thesis.tex").unlink()
-    with pytest.raises(S2C2AError, match=r"options\.json, which no run"):
-        open_run_directory(tmp_path, "x", {}, overwrite=True)
+    refused(tmp_path, r"options\.json, which no run")
 
 
 def test_a_run_directory_is_replaced_whole(tmp_path):
@@ -143,8 +145,7 @@ def test_a_continued_run_does_not_list_files_that_came_in_between(tmp_path):
     run_in(folder, resume=True)
     names = {name for name, _ in listed_files(folder)}
     assert names == {"options.json", "results.json", "runs/a.episodes"}
-    with pytest.raises(S2C2AError, match=r"thesis\.tex"):
-        open_run_directory(folder, "x", {}, overwrite=True)
+    refused(folder, r"thesis\.tex")
 
 
 def test_a_name_is_listed_before_its_file_is_written(tmp_path):
@@ -160,8 +161,7 @@ def test_a_name_is_listed_before_its_file_is_written(tmp_path):
 def test_a_link_to_a_run_directory_is_not_replaced(tmp_path):
     run_in(tmp_path / "run")
     (tmp_path / "link").symlink_to("run")
-    with pytest.raises(S2C2AError, match="is a link"):
-        open_run_directory(tmp_path / "link", "x", {}, overwrite=True)
+    refused(tmp_path / "link", "is a link")
 
 
 @pytest.mark.parametrize(
@@ -171,8 +171,7 @@ def test_a_manifest_with_a_line_of_another_form_lists_nothing(tmp_path, line):
     folder = run_in(tmp_path / "run")
     with open(folder / MANIFEST, "a") as manifest:
         manifest.write(f"{line}\n")
-    with pytest.raises(S2C2AError, match=r"holds manifest\.jsonl"):
-        open_run_directory(folder, "x", {}, overwrite=True)
+    refused(folder, r"holds manifest\.jsonl")
 
 
 @pytest.mark.parametrize("digest", ["", "0" * 64])
@@ -181,8 +180,7 @@ def test_a_listed_name_with_another_content_is_not_deleted(tmp_path, digest):
     (folder / "thesis.tex").write_text("of value")
     list_by_hand(folder, "thesis.tex", digest=digest)
     (folder / "results.json").write_text("changed by hand")
-    with pytest.raises(S2C2AError, match=r"holds results\.json, thesis\.tex"):
-        open_run_directory(folder, "x", {}, overwrite=True)
+    refused(folder, r"holds results\.json, thesis\.tex")
     assert (folder / "thesis.tex").read_text() == "of value"
 
 
@@ -209,8 +207,7 @@ def test_a_link_in_place_of_what_is_listed_is_not_followed(tmp_path, name):
     folder = run_in(tmp_path / "run")
     list_by_hand(folder, name)
     (folder / "link").symlink_to(outside)
-    with pytest.raises(S2C2AError, match="holds link"):
-        open_run_directory(folder, "x", {}, overwrite=True)
+    refused(folder, "holds link")
 
 
 def test_a_manifest_that_is_a_link_is_not_written_through(tmp_path):

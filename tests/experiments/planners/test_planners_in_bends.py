@@ -9,6 +9,7 @@ from s2c2a.kinematics import states_from_bends
 from s2c2a.strategies import RunOptions, recipe_named, strategy_named
 
 from ideal_arm import drive_ideal
+from marks import slow_after
 
 MULTI_IK = "multi-ik,solutions=4"
 SAMPLING = "inverse-sampling,samples=6"
@@ -58,7 +59,7 @@ def test_it_comes_near_a_target_holds_still_without_one_and_plans_alike_twice(
     np.testing.assert_array_equal(bends, again)
 
 
-@pytest.mark.parametrize("name", [MULTI_IK, SAMPLING, "apf", "pcc-one-step"])
+@pytest.mark.parametrize("name", [MULTI_IK, SAMPLING, "apf", "pcc-one-step", "diff-ik"])
 def test_the_tip_stays_outside_of_an_obstacle_around_its_target(name, built):
     target = FINGER.length * np.array([0.25, 0.0, 0.9])
     radius = 0.1 * FINGER.length
@@ -69,9 +70,9 @@ def test_the_tip_stays_outside_of_an_obstacle_around_its_target(name, built):
     assert gaps[-1] < 2.0 * radius
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "within"), [("diff-ik", 0.005), ("pcc-one-step", 0.01)]
+    ("name", "within"),
+    slow_after(1, [("biarc", 0.0115), ("diff-ik", 0.005), ("pcc-one-step", 0.01)]),
 )
 def test_the_tip_arrives_with_its_axis(name, within):
     twin = load_arm("twin_arm")

@@ -27,9 +27,17 @@ def dataset(recording):
     return recording.with_suffix("")
 
 
-def test_every_feature_is_a_column_of_its_type(dataset):
-    info = json.loads((dataset / "meta" / "info.json").read_text())
-    table = parquet.read_table(dataset / DATA)
+@pytest.fixture
+def info(dataset):
+    return json.loads((dataset / "meta" / "info.json").read_text())
+
+
+@pytest.fixture
+def table(dataset):
+    return parquet.read_table(dataset / DATA)
+
+
+def test_every_feature_is_a_column_of_its_type(table, info):
     assert set(info["features"]) == set(table.column_names)
     assert set(table.column_names) > INDICES
     for name, feature in info["features"].items():
@@ -46,8 +54,7 @@ def test_every_feature_is_a_column_of_its_type(dataset):
     assert info["fps"] == 10
 
 
-def test_frames_hold_what_was_recorded(dataset, episodes):
-    table = parquet.read_table(dataset / DATA)
+def test_frames_hold_what_was_recorded(table, episodes):
     actions = np.array(table["action"].to_pylist())
     both = np.concatenate([episode["actions"] for episode in episodes])
     np.testing.assert_allclose(actions, both.reshape(len(both), -1), rtol=1e-7)
@@ -58,9 +65,9 @@ def test_frames_hold_what_was_recorded(dataset, episodes):
     np.testing.assert_array_equal(table["index"].to_numpy(), np.arange(len(both)))
 
 
-def test_targets_are_held_and_missing_readings_stay_missing(dataset, episodes):
-    table = parquet.read_table(dataset / DATA)
-    info = json.loads((dataset / "meta" / "info.json").read_text())
+def test_targets_are_held_and_missing_readings_stay_missing(
+    dataset, table, info, episodes
+):
     targets = np.array(table["observation.environment_state"].to_pylist())
     names = info["features"]["observation.environment_state"]["names"]
     assert names == [f"desired_positions.3.{axis}" for axis in "xyz"]
@@ -80,11 +87,11 @@ def test_targets_are_held_and_missing_readings_stay_missing(dataset, episodes):
     assert np.isfinite(stats["observation.state"]["mean"]).all()
 
 
-def test_episodes_and_tasks_are_listed(dataset, episodes):
+def test_episodes_and_tasks_are_listed(dataset, table, episodes):
     meta = parquet.read_table(dataset / "meta" / "episodes" / DATA.relative_to("data"))
     assert meta["dataset_from_index"].to_pylist() == [0, len(episodes[0])]
     assert meta["tasks"].to_pylist() == [["two"], ["circle"]]
-    count = parquet.read_table(dataset / DATA)["action"].type.list_size
+    count = table["action"].type.list_size
     assert all(len(each) == count for each in meta["stats/action/std"].to_pylist())
     tasks = parquet.read_table(dataset / "meta" / "tasks.parquet")
     pandas = json.loads(tasks.schema.metadata[b"pandas"])

@@ -1,8 +1,15 @@
-"""The study of repetition: its runs, and a row for every repetition."""
+"""What the studies of repetition and of sensor faults ask for."""
 
 import numpy as np
 
+from s2c2a.robots.simulation.events import parse_events
 from s2c2a_experiments.repetition import RepetitionStudy, repetition_rows, turning
+from s2c2a_experiments.sensor_faults import (
+    FAULTS,
+    VALUES,
+    SensorFaultStudy,
+    sensor_fault_rows,
+)
 
 
 def test_every_arm_and_task_is_repeated_with_a_camera(twin, asked):
@@ -32,3 +39,25 @@ def test_every_turn_of_the_circle_is_the_same(twin):
     assert len(three) == len(one) + 2 * turn
     np.testing.assert_array_equal(three[: len(one)], one)
     np.testing.assert_array_equal(three[-turn:], one[-turn:])
+
+
+def events_of(job):
+    """Events of the robot of a job."""
+    return parse_events(dict(job.conditions.robot.options).get("events", ""))
+
+
+def test_every_set_runs_healthy_and_with_each_fault_for_each_duration(twin, asked):
+    jobs = asked(sensor_fault_rows, SensorFaultStudy(twin))
+    assert len(jobs) == len(VALUES) * (1 + len(FAULTS) * 2)
+    assert sum(not events_of(job) for job in jobs) == len(VALUES)
+
+
+def test_a_fault_with_an_end_is_repaired(twin, asked):
+    study = SensorFaultStudy(twin, ("camera",), ("offset",), (5.0, np.inf))
+    _, brief, lasting = asked(sensor_fault_rows, study)
+    events = events_of(brief)
+    assert [(event.time, event.kind) for event in events] == [
+        (8.0, "offset"),
+        (13.0, "repaired"),
+    ]
+    assert len(events_of(lasting)) == 1
