@@ -135,30 +135,27 @@ def test_a_command_within_all_limits_stays_the_same_bit_for_bit(make_arm, kind, 
     np.testing.assert_array_equal(commands[1:], desired)
 
 
-def test_a_plan_that_moves_on_steadily_is_followed_bit_for_bit_however_fast(make_arm):
+@pytest.fixture
+def sluggish(make_arm):
+    """Limits of a module: 4 deg a step and 0.5 deg of acceleration; its full bend."""
+    kind = {"tension": False, "modules": 1, "cables": 3, "step": 4.0, "turn": 0.125}
+    _, limits, geometry = built(make_arm, kind)
+    return limits, np.array([[-1.0, 0.5, 0.5]]) * geometry.action_scale[:, None]
+
+
+def test_a_plan_that_moves_on_steadily_is_followed_bit_for_bit_however_fast(sluggish):
     """At full rate, with an eighth of it as acceleration: no braking."""
-    _, limits, geometry = built(
-        make_arm,
-        {"tension": False, "modules": 1, "cables": 3, "step": 4.0, "turn": 0.125},
-    )
-    full = np.array([[-1.0, 0.5, 0.5]]) * geometry.action_scale[:, None]
+    limits, full = sluggish
     speeds = np.concatenate([0.49 * np.arange(1, 9), [3.95] * 3])
     desired = [full * degrees / 50.0 for degrees in np.cumsum(speeds)]
     np.testing.assert_array_equal(follow(limits, desired)[0][1:], desired)
 
 
-def test_a_plan_that_begins_too_fast_is_caught_up_without_overshoot(make_arm):
-    _, limits, geometry = built(
-        make_arm,
-        {"tension": False, "modules": 1, "cables": 3, "step": 4.0, "turn": 0.125},
-    )
-    full = np.array([[-1.0, 0.5, 0.5]]) * geometry.action_scale[:, None]
+def test_a_plan_that_begins_too_fast_is_caught_up_without_overshoot(sluggish):
+    limits, full = sluggish
     desired = [full * degrees / 50.0 for degrees in np.arange(2.0, 44.0, 2.0)]
-    lag = (
-        (np.array(desired) - follow(limits, desired)[0][1:])[:, 0, 0]
-        / full[0, 0]
-        * 50.0
-    )
+    behind = np.array(desired) - follow(limits, desired)[0][1:]
+    lag = behind[:, 0, 0] / full[0, 0] * 50.0
     assert lag[3] > 2.0
     assert lag.min() > -1e-9
     np.testing.assert_allclose(lag[-5:], 0.0, atol=1e-9)
@@ -189,15 +186,11 @@ def test_a_constant_target_is_reached_on_a_straight_path_without_overshoot(
     ).all()
 
 
-def test_braking_from_full_rate_stops_at_the_target(make_arm):
+def test_braking_from_full_rate_stops_at_the_target(sluggish):
     """4 deg a step, 0.5 deg of acceleration, from rest to the full bend."""
-    _, limits, geometry = built(
-        make_arm,
-        {"tension": False, "modules": 1, "cables": 3, "step": 4.0, "turn": 0.125},
-    )
-    along = np.array([[-1.0, 0.5, 0.5]]) * geometry.action_scale[:, None]
-    commands, _ = follow(limits, [along] * 30)
-    degrees = np.rad2deg(geometry.bend_limits[0]) * commands[:, 0, 0] / along[0, 0]
+    limits, full = sluggish
+    commands, _ = follow(limits, [full] * 30)
+    degrees = 50.0 * commands[:, 0, 0] / full[0, 0]
     assert degrees[-1] == pytest.approx(50.0)
     assert degrees.max() <= 50.0 + 1e-9
     np.testing.assert_allclose(np.diff(degrees)[:8], 0.5 * np.arange(1, 9))

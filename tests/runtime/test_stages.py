@@ -138,36 +138,6 @@ def follow(situations, phase=None):
     return phases[1:]
 
 
-def test_unsound_readings_end_in_a_hold_then_a_release_then_a_fault():
-    stages = [
-        phase.stage
-        for phase in follow(
-            [
-                ENABLED,
-                *[UNSOUND] * 6,
-                Situation(True, sound=False, at_rest=True),
-                ENABLED,
-            ]
-        )
-    ]
-    assert stages == [RUN, HOLD, HOLD, HOLD, RELEASE, RELEASE, RELEASE, FAULT, FAULT]
-
-
-def test_an_absent_operator_ends_in_a_hold_then_a_release_then_rest():
-    stages = [
-        phase.stage
-        for phase in follow(
-            [
-                ENABLED,
-                *[UNATTENDED] * 7,
-                Situation(False, operator_present=False, at_rest=True),
-                ENABLED,
-            ]
-        )
-    ]
-    assert stages == [RUN, *[HOLD] * 6, RELEASE, IDLE, RUN]
-
-
 def test_a_fault_that_ends_in_time_is_forgotten():
     """Three unsound steps and six sound ones, repeatedly: the arm never gives up."""
     stages = {
