@@ -325,48 +325,6 @@ def test_a_sensor_of_the_arm_file_that_the_robot_lacks_is_named(sensors, lacking
         check_robot(real(sensors=sensors))
 
 
-class _Stoppable(_CountingRobot):
-    """Counts commands, and the stop is triggered after some of them."""
-
-    sent = 0
-    halted = 0
-    is_open = False
-    stop_after = 10**6
-
-    def open(self):
-        reading = super().open()  # it sends while it settles
-        self.sent = 0
-        self.is_open = True
-        return reading
-
-    def send(self, action):
-        self.sent += 1
-        if self.is_open and self.sent == self.stop_after:
-            EMERGENCY_STOP.trigger("a test")
-        return super().send(action)
-
-    def halt(self):
-        self.halted += 1
-
-
-def test_nothing_moves_while_the_emergency_stop_is_triggered(twin):
-    robot = _Stoppable(twin)
-    EMERGENCY_STOP.trigger("a test")
-    with pytest.raises(EmergencyStopError):
-        check_robot(robot)
-    assert robot.sent == 0
-
-
-@pytest.mark.parametrize("after", range(1, 14))
-def test_an_emergency_stop_ends_the_check_at_once(twin, after):
-    robot = _Stoppable(twin)
-    robot.stop_after = after
-    with pytest.raises(EmergencyStopError):
-        check_robot(robot)
-    assert robot.sent == after
-    assert (robot.halted, robot.closed) == (1, 2)
-
-
 AT_REST = 12  # calls of `send` before the arm moves
 
 
@@ -375,13 +333,17 @@ class _FailsOnItsWay(_CountingRobot):
 
     Attributes:
         commands: that it followed in every call; where it fails, the one before.
+        stop_at: number of the call in which the emergency stop is triggered.
+        halted: number of calls before each halt.
     """
 
-    failures = (AT_REST + 1,)
+    failures = ()
     error = RuntimeError("a plug came off")
+    stop_at = 0
+    commands = None  # it sends while it settles
 
     def open(self):
-        self.commands = None  # it sends while it settles
+        self.halted = []
         reading = super().open()
         self.commands = []
         return reading
@@ -389,13 +351,38 @@ class _FailsOnItsWay(_CountingRobot):
     def send(self, action):
         if self.commands is None:
             return super().send(action)
-        if len(self.commands) + 1 in self.failures:
-            self.commands.append(self.commands[-1])
+        before = self.commands[-1] if self.commands else self._geometry.action_neutral
+        valid = np.shape(action) == before.shape
+        fails = len(self.commands) + 1 in self.failures
+        self.commands.append(np.array(action) if valid and not fails else before)
+        if len(self.commands) == self.stop_at:
+            EMERGENCY_STOP.trigger("a test")
+        if fails:
             error, self.error = self.error, RuntimeError("and again")
             raise error
-        valid = np.shape(action) == self._geometry.action_neutral.shape
-        self.commands.append(np.array(action if valid else self.commands[-1]))
         return super().send(action)
+
+    def halt(self):
+        self.halted.append(len(self.commands))
+
+
+def test_nothing_moves_while_the_emergency_stop_is_triggered(twin):
+    robot, sent = SimulatedRobot(twin), []
+    robot.send = sent.append
+    EMERGENCY_STOP.trigger("a test")
+    with pytest.raises(EmergencyStopError):
+        check_robot(robot)
+    assert sent == []
+
+
+@pytest.mark.parametrize("after", range(1, 14))
+def test_an_emergency_stop_ends_the_check_at_once(twin, after):
+    robot = _FailsOnItsWay(twin)
+    robot.stop_at = after
+    with pytest.raises(EmergencyStopError):
+        check_robot(robot)
+    assert robot.halted == [after]
+    assert (len(robot.commands), robot.closed) == (after, 2)
 
 
 def _has_returned_within_limits(robot):
@@ -447,13 +434,7 @@ def test_an_emergency_stop_after_a_failure_ends_the_return(slow):
     robot = _FailsOnItsWay(slow)
     first = AT_REST + 3
     robot.failures = (first,)
-    halted = []
-    robot.halt = lambda: halted.append(len(robot.commands))
-    send = robot.send
-    robot.send = lambda action: (
-        len(robot.commands or ()) == first and EMERGENCY_STOP.trigger("a test"),
-        send(action),
-    )[1]
+    robot.stop_at = first + 1
     with pytest.raises(EmergencyStopError):
         check_robot(robot)
-    assert halted == [first + 1]
+    assert robot.halted == [first + 1]

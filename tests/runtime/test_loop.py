@@ -344,10 +344,7 @@ def test_a_driver_for_another_arm_or_with_a_missing_sensor_is_refused(
     ):
         Loop(puppet, actor, clock)
     actor.sensors, actor.arm = ("cables",), make_arm(2)
-    with pytest.raises(
-        S2C2AError,
-        match=r"\(2, 3\); 'twin_arm' has \(3, 3\)",
-    ):
+    with pytest.raises(S2C2AError, match=r"\(2, 3\); 'twin_arm' has \(3, 3\)"):
         Loop(puppet, actor, clock)
 
 

@@ -41,22 +41,10 @@ LONG_UNATTENDED = {"unattended_steps": 5}
 
 TRANSITIONS = [
     ("not enabled", IDLE, {}, DISABLED, IDLE),
-    (
-        "not enabled and unsound",
-        IDLE,
-        {"unsound_steps": 9},
-        DISABLED_UNSOUND,
-        IDLE,
-    ),
+    ("not enabled and unsound", IDLE, {"unsound_steps": 9}, DISABLED_UNSOUND, IDLE),
     ("enabled and sound", IDLE, {}, ENABLED, RUN),
     ("enabled, not sound yet", IDLE, {}, UNSOUND, START),
-    (
-        "enabled, unsound for too long",
-        IDLE,
-        LONG_UNSOUND,
-        UNSOUND,
-        FAULT,
-    ),
+    ("enabled, unsound for too long", IDLE, LONG_UNSOUND, UNSOUND, FAULT),
     ("sound now", START, {"unsound_steps": 2}, ENABLED, RUN),
     ("not sound yet", START, {"unsound_steps": 2}, UNSOUND, START),
     ("unsound for too long", START, LONG_UNSOUND, UNSOUND, FAULT),
