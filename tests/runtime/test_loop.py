@@ -39,9 +39,8 @@ def run_steps(loop, count):
 
 def steps_to_rest(actor):
     """Number of steps from the driver's target to rest."""
-    return np.ceil(
-        actor.share * actor.arm.modules[0].bend_limit_deg / actor.arm.step_limit_deg
-    )
+    degrees = actor.share * actor.arm.modules[0].bend_limit_deg
+    return np.ceil(degrees / actor.arm.step_limit_deg)
 
 
 def at_rest(puppet):
@@ -166,13 +165,8 @@ def test_after_a_short_fault_the_arm_continues_where_it_held(puppet, actor, cloc
 def test_after_a_long_fault_the_arm_rests_and_stays_stopped_until_it_is_opened(
     puppet, actor, clock
 ):
-    loop = Loop(
-        puppet,
-        actor,
-        clock,
-        faults=nan_cables(4, 40),
-        patience=Patience(unsound=10, alone=10),
-    )
+    patience = Patience(unsound=10, alone=10)
+    loop = Loop(puppet, actor, clock, faults=nan_cables(4, 40), patience=patience)
     loop.open()
     steps = [loop.tick(StepRequest()) for _ in range(60)]
     stages = [step.stage for step in steps]
@@ -240,15 +234,10 @@ def test_after_any_error_a_real_arm_moves_to_rest_within_limits_and_is_closed(
     puppet, actor, clock, where, fault
 ):
     calls = iter(range(100))
-    setattr(
-        actor if where == "before_step" else puppet,
-        where,
-        lambda number: fault(next(calls)),
-    )
-    with (
-        pytest.raises((RobotError, ControllerError, KeyboardInterrupt)),
-        Loop(puppet, actor, clock) as loop,
-    ):
+    faulty = actor if where == "before_step" else puppet
+    setattr(faulty, where, lambda number: fault(next(calls)))
+    expected = (RobotError, ControllerError, KeyboardInterrupt)
+    with pytest.raises(expected), Loop(puppet, actor, clock) as loop:
         run_steps(loop, 20)
     assert 6 <= len(actor.steps) <= 8
     assert at_rest(puppet)

@@ -23,16 +23,12 @@ def test_every_cable_has_its_own_backlash(make_arm):
 
 
 def test_homing_errors_bend_the_arm_at_rest_and_are_new_at_every_opening(make_arm):
-    robot = SimulatedRobot(
-        make_arm(motor=Motor(homing_error=1e-3), **WEIGHTLESS), seed=5
-    )
-    first, second = robot.open()["configurations"], robot.open()["configurations"]
-    again = SimulatedRobot(robot.arm, seed=5)
+    arm = make_arm(motor=Motor(homing_error=1e-3), **WEIGHTLESS)
+    robot, again = (SimulatedRobot(arm, seed=5) for _ in range(2))
+    first, second = (robot.open()["configurations"] for _ in range(2))
     assert np.abs(first - second).max() > 1e-3
-    np.testing.assert_array_equal(
-        [again.open()["configurations"], again.open()["configurations"]],
-        [first, second],
-    )
+    for opened in (first, second):
+        np.testing.assert_array_equal(again.open()["configurations"], opened)
 
 
 def test_a_module_lags_behind_cables_that_move_by_their_viscous_friction(
