@@ -1,9 +1,7 @@
 """Tabs of a real browser on a live page."""
 
 import io
-import os
 import shutil
-from pathlib import Path
 
 import numpy as np
 from PIL import Image
@@ -82,13 +80,6 @@ class Tab:
     def screenshot(self) -> Image.Image:
         """The picture on the screen."""
         return Image.open(io.BytesIO(self.page.screenshot())).convert("RGB")
-
-    def keep(self, name: str) -> None:
-        """Save a screenshot in the folder `S2C2A_SCREENSHOTS`, if set."""
-        folder = os.environ.get("S2C2A_SCREENSHOTS")
-        if folder:
-            Path(folder).mkdir(parents=True, exist_ok=True)
-            self.page.screenshot(path=str(Path(folder) / f"{name}.png"))
 
 
 def drawn_tip(scene):

@@ -31,11 +31,3 @@ def test_a_disconnected_browser_cannot_take_control():
     browsers.release(7)
     browsers.leave(7)
     assert browsers.driver is None
-
-
-def test_changes_are_reported():
-    drivers = []
-    browsers = Browsers(lambda: drivers.append(browsers.driver))
-    browsers.join(1)
-    browsers.leave(1)
-    assert drivers == [1, None]

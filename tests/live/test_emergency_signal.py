@@ -4,6 +4,7 @@ import multiprocessing
 import os
 import signal
 import sys
+from unittest.mock import Mock
 
 import pytest
 
@@ -31,82 +32,33 @@ def signal_this_process():
     os.kill(os.getpid(), signal.SIGUSR1)
 
 
-class _Control:
-    """A control of no arm, during one call of which the signal comes."""
-
-    strategies = ()
-    standstill = ""
-
-    def __init__(self, arm, moment):
-        self.limits = RequestLimits.of(arm, ())
-        self.moment = moment
-        self.triggered = {}
-
-    def watch(self, watcher):
-        pass
-
-    def prepare(self):
-        pass
-
-    def start(self):
-        self._come("start")
-
-    def stop(self):
-        self._come("stop")
-
-    def _come(self, moment):
-        if moment == self.moment:
-            signal_this_process()
-        self.triggered[moment] = EMERGENCY_STOP.is_triggered
-
-
 @pytest.mark.parametrize("moment", ["start", "stop"])
 def test_the_control_process_obeys_the_signal(twin, monkeypatch, moment):
     for name in ("_raise_priority", "limit_jax_to_one_thread"):
         monkeypatch.setattr(process, name, lambda: None)
-    control = _Control(twin, moment)
+    control = Mock(limits=RequestLimits.of(twin, ()), strategies=(), standstill="")
+    triggered = []
+
+    def come():
+        signal_this_process()
+        triggered.append(EMERGENCY_STOP.is_triggered)
+
+    getattr(control, moment).side_effect = come
     ours, theirs = multiprocessing.Pipe()
     ours.send(("stop", ()))
     process._run_control(lambda: control, theirs)
-    assert control.triggered[moment]
-
-
-class _Page:
-    """A page, and the control behind it, that open and close at once."""
-
-    def __init__(self, moment):
-        self.moment = moment
-        self.stops = 0
-        self.latest = None
-        self.gate = self
-        self.address = "nowhere"
-
-    def stop_at_once(self):
-        self.stops += 1
-
-    def wait_until_ready(self):
-        if self.moment == "opening":
-            signal_this_process()
-
-    def stop(self):
-        if self.moment == "return":
-            signal_this_process()
-
-    def close(self):
-        pass
+    assert triggered == [True]
 
 
 @pytest.mark.parametrize("moment", ["opening", "run", "return"])
 def test_the_process_of_the_page_passes_the_signal_on(monkeypatch, moment):
     pytest.importorskip("viser")
-    page = _Page(moment)
+    page, wait = Mock(latest=None), Mock()
+    page.gate.address = "nowhere"
+    moments = {"opening": page.wait_until_ready, "run": wait, "return": page.stop}
+    moments[moment].side_effect = signal_this_process
     monkeypatch.setattr("s2c2a.live.process.ControlProcess", lambda *_: page)
     monkeypatch.setattr("s2c2a.live.page.LivePage", lambda *_: page)
-
-    def wait():
-        if moment == "run":
-            signal_this_process()
-
     monkeypatch.setattr(command, "wait_for_interrupt", wait)
     command.live()
-    assert page.stops == 1
+    page.stop_at_once.assert_called_once()

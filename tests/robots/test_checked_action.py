@@ -20,10 +20,8 @@ def test_each_cable_is_clipped_to_its_own_limits(simulated):
     action = geometry.action_neutral.copy()
     action[0, 1], action[2, 3] = 1e6, -1e6
     expected = geometry.action_neutral.copy()
-    expected[0, 1], expected[2, 3] = (
-        geometry.action_high[0, 1],
-        geometry.action_low[2, 3],
-    )
+    expected[0, 1] = geometry.action_high[0, 1]
+    expected[2, 3] = geometry.action_low[2, 3]
     np.testing.assert_array_equal(checked_action(action, geometry), expected)
 
 
@@ -62,20 +60,15 @@ def test_an_invalid_action_is_rejected_and_nothing_moves(action, twin):
     robot = SimulatedRobot(twin)
     robot.open()
     robot.step(np.array([[-0.01, 0.005, 0.005]] * 3))
-    before = (
-        robot.data.time,
-        robot.data.qpos.copy(),
-        robot.data.qvel.copy(),
-        robot.data.ctrl.copy(),
-    )
+
+    def state():
+        data = robot.data
+        return np.concatenate([[data.time], data.qpos, data.qvel, data.ctrl])
+
+    before = state()
     with pytest.raises(ActionError):
         robot.send(action)
-    for was, now in zip(
-        before,
-        (robot.data.time, robot.data.qpos, robot.data.qvel, robot.data.ctrl),
-        strict=True,
-    ):
-        np.testing.assert_array_equal(now, was)
+    np.testing.assert_array_equal(state(), before)
 
 
 def test_a_rejected_action_has_no_later_effect(twin):

@@ -2,6 +2,7 @@
 
 import pickle
 from functools import partial
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -137,6 +138,21 @@ REFUSED = {
     "a function": ("maker", {}, r"not a robot; give a subclass of s2c2a.robots.Robot"),
     "a number": ("number", {}, r"is 7, not a robot"),
     "nothing of that name": ("Nobody", {}, r"cannot be loaded: AttributeError"),
+    "no number, as the default is": (
+        "Bare",
+        {"gain": "much"},
+        r"option gain=much of Bare: .*number",
+    ),
+    "text that its class takes for a number": (
+        "Bare",
+        {"port": "9"},
+        r"Bare cannot be made: TypeError: .*text was given for port",
+    ),
+    "a class that fails": (
+        "Refusing",
+        {},
+        "Refusing cannot be made: ValueError: no motors on this bus",
+    ),
 }
 
 
@@ -149,31 +165,13 @@ def test_invalid_robots_and_options_are_rejected_with_a_message(
 
 
 def test_options_without_a_known_type_stay_text(own, twin):
-    assert (
-        RobotFactory(f"{own}Odd", (("what", "3"), ("where", "4"))).make(twin).arm
-        is twin
-    )
+    options = (("what", "3"), ("where", "4"))
+    assert RobotFactory(f"{own}Odd", options).make(twin).arm is twin
 
 
 def test_options_without_annotation_have_the_type_of_a_numeric_default(own, twin):
     options = (("gain", "2.5"), ("slow", "yes"))
     assert RobotFactory(f"{own}Bare", options).make(twin).given == (2.5, True, None)
-    with pytest.raises(S2C2AError, match=r"option gain=much of Bare: .*number"):
-        RobotFactory(f"{own}Bare", (("gain", "much"),)).make(twin)
-
-
-def test_an_error_of_the_robot_class_names_options_given_as_text(own, twin):
-    with pytest.raises(
-        S2C2AError, match=r"Bare cannot be made: TypeError: .*text was given for port"
-    ):
-        RobotFactory(f"{own}Bare", (("port", "9"),)).make(twin)
-
-
-def test_an_error_of_the_robot_class_is_reported(own, twin):
-    with pytest.raises(
-        S2C2AError, match="Refusing cannot be made: ValueError: no motors on this bus"
-    ):
-        RobotFactory(f"{own}Refusing", ()).make(twin)
 
 
 @pytest.mark.parametrize(
@@ -201,37 +199,29 @@ def test_a_file_that_cannot_be_imported_is_reported_with_its_error(tmp_path):
         robot_class(f"{tmp_path}/broken_body.py:Arm")
 
 
-def test_a_robot_of_another_package_is_found_by_its_entry_point(monkeypatch):
-    class Point:
-        name = "theirs"
-
-        def load(self):
-            return SimulatedRobot
+@pytest.fixture
+def theirs(monkeypatch):
+    """An entry point of another package, `theirs`, which loads the simulated robot."""
+    point = Mock(load=lambda: SimulatedRobot)
 
     def points(group, name=""):
-        return [Point()] if (group, name) == ("s2c2a.robots", "theirs") else []
+        return [point] if (group, name) == ("s2c2a.robots", "theirs") else []
 
     monkeypatch.setattr("s2c2a.plugins.discovery.entry_points", points)
+    return point
+
+
+@pytest.mark.usefixtures("theirs")
+def test_a_robot_of_another_package_is_found_by_its_entry_point():
     assert robot_class("theirs") is SimulatedRobot
     with pytest.raises(S2C2AError, match="no robot 'others'"):
         robot_class("others")
 
 
-def test_a_failing_entry_point_is_reported_by_name(monkeypatch):
-    class Point:
-        def load(self):
-            raise ImportError("libmotor.so is missing")
-
-    monkeypatch.setattr(
-        "s2c2a.plugins.discovery.entry_points", lambda group, name: [Point()]
-    )
-    with pytest.raises(
-        S2C2AError,
-        match=(
-            "the robot 'theirs' cannot be loaded: "
-            r"ImportError: libmotor\.so is missing"
-        ),
-    ):
+def test_a_failing_entry_point_is_reported_by_name(theirs):
+    theirs.load = Mock(side_effect=ImportError("libmotor.so is missing"))
+    expected = r"robot 'theirs' cannot be loaded: ImportError: libmotor\.so is missing"
+    with pytest.raises(S2C2AError, match=f"the {expected}"):
         robot_class("theirs")
 
 

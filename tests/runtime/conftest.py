@@ -3,6 +3,8 @@
 import pytest
 from puppets import Actor, ManualClock, Puppet  # type: ignore[import-not-found]
 
+from s2c2a.runtime import Loop
+
 
 @pytest.fixture
 def clock():
@@ -20,3 +22,11 @@ def puppet(twin, clock):
 def actor(twin):
     """Driver of the robot."""
     return Actor(twin)
+
+
+@pytest.fixture
+def loop(puppet, actor, clock):
+    """Loop with an open robot."""
+    loop = Loop(puppet, actor, clock)
+    loop.open()
+    return loop

@@ -5,15 +5,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from puppets import Puppet  # type: ignore[import-not-found]
 
 from s2c2a.arm import ArmGeometry
 from s2c2a.arm.sensors import Camera, Inertial, Sensors
 from s2c2a.errors import S2C2AError
-from s2c2a.robots import Robot, checked_action
+from s2c2a.robots import checked_action
 from s2c2a.robots.simulation import FIDELITIES, SimulatedRobot
-from s2c2a.runtime import check_robot
+from s2c2a.runtime import WallClock, check_robot
 from s2c2a.runtime.emergency import EMERGENCY_STOP, EmergencyStopError
-from s2c2a.spaces import Reading, Sensor
+from s2c2a.spaces import Sensor
 
 
 class _CountingRobot(SimulatedRobot):
@@ -127,9 +128,7 @@ class _AcceptsNaN(_CountingRobot):
 
 class _AcceptsAnyShape(_CountingRobot):
     def send(self, action):
-        return super().send(
-            np.resize(action, (self.arm.module_count, self.arm.cable_count))
-        )
+        return super().send(np.resize(action, self._geometry.action_neutral.shape))
 
 
 class _RaisesValueError(_CountingRobot):
@@ -245,13 +244,8 @@ def test_a_robot_that_rounds_to_encoder_ticks_conforms(twin):
 
 
 def test_a_camera_without_an_image_in_most_readings_conforms(twin):
-    check_robot(
-        SimulatedRobot(
-            twin.model_copy(
-                update={"sensors": Sensors(imu=Inertial(), camera=Camera())}
-            )
-        )
-    )
+    sensors = Sensors(imu=Inertial(), camera=Camera())
+    check_robot(SimulatedRobot(twin.model_copy(update={"sensors": sensors})))
 
 
 def test_a_robot_without_ground_truth_conforms(twin):
@@ -282,77 +276,41 @@ def test_the_check_is_gentle(twin):
     assert np.max(np.abs(moves) / geometry.action_high) == pytest.approx(0.05)
 
 
-class _WallClockRobot(Robot):
-    """A conforming wall-clock robot with ideal motors; subclasses violate one rule."""
-
-    def __init__(self, arm):
-        self.arm, self.geometry = arm, ArmGeometry.of(arm)
-        self.at, self.began, self.closed = self.geometry.action_neutral, 0.0, 0
-
-    @property
-    def sensors(self):
-        return {"cables": Sensor(self.at.shape, "m")}
-
-    def open(self):
-        self.began = time.perf_counter()
-        return self.read()
-
-    def read(self):
-        return Reading(time.perf_counter() - self.began, {"cables": self.at})
-
-    def send(self, action):
-        self.at = checked_action(action, self.geometry)
-        return self.at
-
-    def close(self):
-        self.closed += 1
-
-
-class _BlocksInSend(_WallClockRobot):
-    def send(self, action):
-        sent = super().send(action)
-        time.sleep(self.arm.control_period)
-        return sent
-
-
-class _BlocksInRead(_WallClockRobot):
-    def read(self):
-        time.sleep(self.arm.control_period)
-        return super().read()
-
-
-class _WallClockStops(_WallClockRobot):
-    def read(self):
-        return Reading(0.0, {"cables": self.at})
-
-
-def test_a_wall_clock_robot_conforms_and_its_limits_are_not_tested(
-    make_arm, monkeypatch
-):
+@pytest.fixture
+def real(make_arm, monkeypatch):
+    """Function that makes a conforming robot whose time passes."""
     monkeypatch.setattr("s2c2a.runtime.conformance.SETTLING_TIME", 0.01)
-    robot = _WallClockRobot(make_arm(1, control_rate=100.0))
+    return lambda rate=20.0, **changes: Puppet(
+        make_arm(1, control_rate=rate, **changes), WallClock()
+    )
+
+
+def test_a_wall_clock_robot_conforms_and_its_limits_are_not_tested(real):
+    robot = real(100.0)
     kept = check_robot(robot)
     assert "send() and read() return at once" in kept
     assert any("limits are not tested on a real robot" in one for one in kept)
-    assert robot.closed >= 3
+    assert robot.notes.count("close") >= 3
 
 
-@pytest.mark.parametrize(
-    ("kind", "fault"),
-    [
-        (_BlocksInSend, r"send\(\) or read\(\) took .* ms: they must not wait"),
-        (_BlocksInRead, r"send\(\) or read\(\) took .* ms: they must not wait"),
-        (_WallClockStops, r"its clock advanced by 0.000 s: .*own_time = True"),
-    ],
-)
-def test_a_violation_of_a_wall_clock_robot_is_named_and_the_robot_closed(
-    kind, fault, make_arm, monkeypatch
-):
-    monkeypatch.setattr("s2c2a.runtime.conformance.SETTLING_TIME", 0.01)
-    robot = kind(make_arm(1, control_rate=20.0))
+@pytest.mark.parametrize("method", ["send", "read"])
+def test_a_wall_clock_robot_that_blocks_is_named_and_closed(real, method):
+    robot = real()
+    setattr(robot, f"before_{method}", lambda _: time.sleep(robot.arm.control_period))
+    fault = r"send\(\) or read\(\) took .* ms: they must not wait"
     with pytest.raises(S2C2AError, match=fault):
         check_robot(robot)
-    assert robot.closed == 2
+    assert robot.notes.count("close") == 2
+
+
+def test_a_wall_clock_robot_whose_clock_stops_is_named_and_closed(real):
+    robot = real()
+    read = robot.read
+    robot.read = lambda: replace(read(), time=0.0)
+    fault = r"its clock advanced by 0.000 s: .*own_time = True"
+    with pytest.raises(S2C2AError, match=fault):
+        check_robot(robot)
+    assert robot.notes.count("close") == 2
 
 
 @pytest.mark.parametrize(
@@ -362,54 +320,9 @@ def test_a_violation_of_a_wall_clock_robot_is_named_and_the_robot_closed(
         (Sensors(camera=Camera()), "no camera_positions, camera_age"),
     ],
 )
-def test_a_sensor_of_the_arm_file_that_the_robot_lacks_is_named(
-    sensors, lacking, make_arm
-):
-    robot = _WallClockRobot(make_arm(1, control_rate=20.0, sensors=sensors))
+def test_a_sensor_of_the_arm_file_that_the_robot_lacks_is_named(sensors, lacking, real):
     with pytest.raises(S2C2AError, match=f"the arm file has .*provides {lacking}"):
-        check_robot(robot)
-
-
-class _Stoppable(_CountingRobot):
-    """Counts commands, and the stop is triggered after some of them."""
-
-    sent = 0
-    halted = 0
-    is_open = False
-    stop_after = 10**6
-
-    def open(self):
-        reading = super().open()  # it sends while it settles
-        self.sent = 0
-        self.is_open = True
-        return reading
-
-    def send(self, action):
-        self.sent += 1
-        if self.is_open and self.sent == self.stop_after:
-            EMERGENCY_STOP.trigger("a test")
-        return super().send(action)
-
-    def halt(self):
-        self.halted += 1
-
-
-def test_nothing_moves_while_the_emergency_stop_is_triggered(twin):
-    robot = _Stoppable(twin)
-    EMERGENCY_STOP.trigger("a test")
-    with pytest.raises(EmergencyStopError):
-        check_robot(robot)
-    assert robot.sent == 0
-
-
-@pytest.mark.parametrize("after", range(1, 14))
-def test_an_emergency_stop_ends_the_check_at_once(twin, after):
-    robot = _Stoppable(twin)
-    robot.stop_after = after
-    with pytest.raises(EmergencyStopError):
-        check_robot(robot)
-    assert robot.sent == after
-    assert (robot.halted, robot.closed) == (1, 2)
+        check_robot(real(sensors=sensors))
 
 
 AT_REST = 12  # calls of `send` before the arm moves
@@ -420,13 +333,17 @@ class _FailsOnItsWay(_CountingRobot):
 
     Attributes:
         commands: that it followed in every call; where it fails, the one before.
+        stop_at: number of the call in which the emergency stop is triggered.
+        halted: number of calls before each halt.
     """
 
-    failures = (AT_REST + 1,)
+    failures = ()
     error = RuntimeError("a plug came off")
+    stop_at = 0
+    commands = None  # it sends while it settles
 
     def open(self):
-        self.commands = None  # it sends while it settles
+        self.halted = []
         reading = super().open()
         self.commands = []
         return reading
@@ -434,13 +351,38 @@ class _FailsOnItsWay(_CountingRobot):
     def send(self, action):
         if self.commands is None:
             return super().send(action)
-        if len(self.commands) + 1 in self.failures:
-            self.commands.append(self.commands[-1])
+        before = self.commands[-1] if self.commands else self._geometry.action_neutral
+        valid = np.shape(action) == before.shape
+        fails = len(self.commands) + 1 in self.failures
+        self.commands.append(np.array(action) if valid and not fails else before)
+        if len(self.commands) == self.stop_at:
+            EMERGENCY_STOP.trigger("a test")
+        if fails:
             error, self.error = self.error, RuntimeError("and again")
             raise error
-        valid = np.shape(action) == self._geometry.action_neutral.shape
-        self.commands.append(np.array(action if valid else self.commands[-1]))
         return super().send(action)
+
+    def halt(self):
+        self.halted.append(len(self.commands))
+
+
+def test_nothing_moves_while_the_emergency_stop_is_triggered(twin):
+    robot, sent = SimulatedRobot(twin), []
+    robot.send = sent.append
+    EMERGENCY_STOP.trigger("a test")
+    with pytest.raises(EmergencyStopError):
+        check_robot(robot)
+    assert sent == []
+
+
+@pytest.mark.parametrize("after", range(1, 14))
+def test_an_emergency_stop_ends_the_check_at_once(twin, after):
+    robot = _FailsOnItsWay(twin)
+    robot.stop_at = after
+    with pytest.raises(EmergencyStopError):
+        check_robot(robot)
+    assert robot.halted == [after]
+    assert (len(robot.commands), robot.closed) == (after, 2)
 
 
 def _has_returned_within_limits(robot):
@@ -492,13 +434,7 @@ def test_an_emergency_stop_after_a_failure_ends_the_return(slow):
     robot = _FailsOnItsWay(slow)
     first = AT_REST + 3
     robot.failures = (first,)
-    halted = []
-    robot.halt = lambda: halted.append(len(robot.commands))
-    send = robot.send
-    robot.send = lambda action: (
-        len(robot.commands or ()) == first and EMERGENCY_STOP.trigger("a test"),
-        send(action),
-    )[1]
+    robot.stop_at = first + 1
     with pytest.raises(EmergencyStopError):
         check_robot(robot)
-    assert halted == [first + 1]
+    assert robot.halted == [first + 1]

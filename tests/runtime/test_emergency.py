@@ -26,11 +26,6 @@ def loop(puppet, actor, clock, stop):
     return loop
 
 
-def test_a_switch_is_off_at_first(stop):
-    assert not stop.is_triggered
-    stop.check()
-
-
 def test_a_switch_stays_on_until_it_is_reset(stop):
     stop.trigger("the red button")
     with pytest.raises(EmergencyStopError, match="by the red button; free the arm"):

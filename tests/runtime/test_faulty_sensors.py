@@ -55,14 +55,11 @@ def corrupting(corrupt, count):
         if not BEGIN <= len(kept) - 1 < BEGIN + count:
             return reading
         before = kept[BEGIN - 1]
-        step = len(kept)
-        return Reading(
-            reading.time,
-            {
-                name: corrupt(before[name], now, step)
-                for name, now in reading.sensors.items()
-            },
-        )
+        corrupted = {
+            name: corrupt(before[name], now, len(kept))
+            for name, now in reading.sensors.items()
+        }
+        return Reading(reading.time, corrupted)
 
     return inject
 
@@ -76,15 +73,11 @@ def test_sensors_that_fail_in_a_circle_make_the_arm_hold_then_rest_without_a_jum
     limits = CommandLimits.of(arm)
     steps = run(arm, strategy, task, corrupting(FAULTS[fault], count))
     commands = np.array([limits.rest, *(step.action for step in steps)])
-    degrees = (
-        limits.change_sizes(np.diff(commands, axis=0))
+    degrees, turns = (
+        limits.change_sizes(np.diff(commands, order, axis=0))
         / limits.step_limit
         * arm.step_limit_deg
-    )
-    turns = (
-        limits.change_sizes(np.diff(commands, 2, axis=0))
-        / limits.step_limit
-        * arm.step_limit_deg
+        for order in (1, 2)
     )
     stages = [step.stage for step in steps]
     assert degrees.max() <= 4.0 + 1e-6

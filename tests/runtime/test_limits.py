@@ -43,13 +43,8 @@ def built(make_arm, kind):
 def size_deg(change, geometry):
     """Size of a change of each module, computed independently [deg]."""
     parts = change / geometry.action_scale[:, None]
-    bends = np.linalg.norm(
-        [
-            np.linalg.pinv(b) @ p
-            for b, p in zip(geometry.cable_matrices, parts, strict=True)
-        ],
-        axis=-1,
-    )
+    pairs = zip(geometry.cable_matrices, parts, strict=True)
+    bends = np.linalg.norm([np.linalg.pinv(b) @ p for b, p in pairs], axis=-1)
     return np.rad2deg(geometry.bend_limits) * np.maximum(
         bends, np.abs(parts).max(axis=-1)
     )
@@ -63,23 +58,17 @@ def random_commands(geometry, seed, count=40):
     for _ in range(count):
         kind = random.integers(6)
         if kind == 0:
-            desired = geometry.action_neutral + reach * random.normal(
-                scale=3.0, size=desired.shape
-            )
+            far = random.normal(scale=3.0, size=desired.shape)
+            desired = geometry.action_neutral + reach * far
         elif kind == 1:
             desired = desired + reach * random.normal(scale=0.05, size=desired.shape)
         elif kind == 2:
-            desired = np.where(
-                random.random(desired.shape) < 0.5,
-                geometry.action_low,
-                geometry.action_high,
-            )
+            lowest = random.random(desired.shape) < 0.5
+            desired = np.where(lowest, geometry.action_low, geometry.action_high)
         elif kind == 3:
-            desired = np.where(
-                random.random(desired.shape) < 0.3,
-                random.choice([np.nan, np.inf, -np.inf]),
-                desired,
-            )
+            lost = random.random(desired.shape) < 0.3
+            value = random.choice([np.nan, np.inf, -np.inf])
+            desired = np.where(lost, value, desired)
         yield desired
 
 
@@ -127,38 +116,32 @@ def test_a_command_within_all_limits_stays_the_same_bit_for_bit(make_arm, kind, 
         geometry.action_neutral + reach * random.uniform(-1, 1, limits.rest.shape)
         for _ in range(10)
     ]
-    desired = [
-        np.clip(command, geometry.action_low, geometry.action_high)
-        for command in desired
-    ]
+    desired = list(np.clip(desired, geometry.action_low, geometry.action_high))
     commands, _ = follow(limits, desired)
     np.testing.assert_array_equal(commands[1:], desired)
 
 
-def test_a_plan_that_moves_on_steadily_is_followed_bit_for_bit_however_fast(make_arm):
+@pytest.fixture
+def sluggish(make_arm):
+    """Limits of a module: 4 deg a step and 0.5 deg of acceleration; its full bend."""
+    kind = {"tension": False, "modules": 1, "cables": 3, "step": 4.0, "turn": 0.125}
+    _, limits, geometry = built(make_arm, kind)
+    return limits, np.array([[-1.0, 0.5, 0.5]]) * geometry.action_scale[:, None]
+
+
+def test_a_plan_that_moves_on_steadily_is_followed_bit_for_bit_however_fast(sluggish):
     """At full rate, with an eighth of it as acceleration: no braking."""
-    _, limits, geometry = built(
-        make_arm,
-        {"tension": False, "modules": 1, "cables": 3, "step": 4.0, "turn": 0.125},
-    )
-    full = np.array([[-1.0, 0.5, 0.5]]) * geometry.action_scale[:, None]
+    limits, full = sluggish
     speeds = np.concatenate([0.49 * np.arange(1, 9), [3.95] * 3])
     desired = [full * degrees / 50.0 for degrees in np.cumsum(speeds)]
     np.testing.assert_array_equal(follow(limits, desired)[0][1:], desired)
 
 
-def test_a_plan_that_begins_too_fast_is_caught_up_without_overshoot(make_arm):
-    _, limits, geometry = built(
-        make_arm,
-        {"tension": False, "modules": 1, "cables": 3, "step": 4.0, "turn": 0.125},
-    )
-    full = np.array([[-1.0, 0.5, 0.5]]) * geometry.action_scale[:, None]
+def test_a_plan_that_begins_too_fast_is_caught_up_without_overshoot(sluggish):
+    limits, full = sluggish
     desired = [full * degrees / 50.0 for degrees in np.arange(2.0, 44.0, 2.0)]
-    lag = (
-        (np.array(desired) - follow(limits, desired)[0][1:])[:, 0, 0]
-        / full[0, 0]
-        * 50.0
-    )
+    behind = np.array(desired) - follow(limits, desired)[0][1:]
+    lag = behind[:, 0, 0] / full[0, 0] * 50.0
     assert lag[3] > 2.0
     assert lag.min() > -1e-9
     np.testing.assert_allclose(lag[-5:], 0.0, atol=1e-9)
@@ -170,34 +153,23 @@ def test_a_constant_target_is_reached_on_a_straight_path_without_overshoot(
     make_arm, kind, seed
 ):
     arm, limits, geometry = built(make_arm, kind)
-    desired = np.random.default_rng(seed).uniform(
-        geometry.action_low, geometry.action_high
-    )
+    random = np.random.default_rng(seed)
+    desired = random.uniform(geometry.action_low, geometry.action_high)
     turn = min(arm.step_limit_deg, arm.acceleration_limit_deg or np.inf)
     most = 3 + 2 * np.sqrt(300.0 / turn) + 150.0 / arm.step_limit_deg
     commands, _ = follow(limits, [desired] * int(most))
-    np.testing.assert_allclose(
-        commands[-1], desired, atol=1e-9 * np.abs(geometry.action_scale).max()
-    )
+    scale = np.abs(geometry.action_scale)
+    np.testing.assert_allclose(commands[-1], desired, atol=1e-9 * scale.max())
     remaining = desired - commands
-    assert (
-        np.diff(np.abs(remaining), axis=0)
-        <= 1e-9 * np.abs(geometry.action_scale)[:, None]
-    ).all()
-    assert (
-        remaining * remaining[0] >= -1e-12 * np.abs(geometry.action_scale).max() ** 2
-    ).all()
+    assert (np.diff(np.abs(remaining), axis=0) <= 1e-9 * scale[:, None]).all()
+    assert (remaining * remaining[0] >= -1e-12 * scale.max() ** 2).all()
 
 
-def test_braking_from_full_rate_stops_at_the_target(make_arm):
+def test_braking_from_full_rate_stops_at_the_target(sluggish):
     """4 deg a step, 0.5 deg of acceleration, from rest to the full bend."""
-    _, limits, geometry = built(
-        make_arm,
-        {"tension": False, "modules": 1, "cables": 3, "step": 4.0, "turn": 0.125},
-    )
-    along = np.array([[-1.0, 0.5, 0.5]]) * geometry.action_scale[:, None]
-    commands, _ = follow(limits, [along] * 30)
-    degrees = np.rad2deg(geometry.bend_limits[0]) * commands[:, 0, 0] / along[0, 0]
+    limits, full = sluggish
+    commands, _ = follow(limits, [full] * 30)
+    degrees = 50.0 * commands[:, 0, 0] / full[0, 0]
     assert degrees[-1] == pytest.approx(50.0)
     assert degrees.max() <= 50.0 + 1e-9
     np.testing.assert_allclose(np.diff(degrees)[:8], 0.5 * np.arange(1, 9))
@@ -236,9 +208,8 @@ def test_the_return_to_rest_takes_the_fewest_steps_for_all_modules(
     make_arm, kind, seed
 ):
     arm, limits, geometry = built(make_arm, kind)
-    last = np.random.default_rng(seed).uniform(
-        geometry.action_low, geometry.action_high
-    )
+    random = np.random.default_rng(seed)
+    last = random.uniform(geometry.action_low, geometry.action_high)
     commands = commands_to_rest(limits, last)
     distances = np.array(
         [size_deg(command - limits.rest, geometry) for command in commands]

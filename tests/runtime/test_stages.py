@@ -41,22 +41,10 @@ LONG_UNATTENDED = {"unattended_steps": 5}
 
 TRANSITIONS = [
     ("not enabled", IDLE, {}, DISABLED, IDLE),
-    (
-        "not enabled and unsound",
-        IDLE,
-        {"unsound_steps": 9},
-        DISABLED_UNSOUND,
-        IDLE,
-    ),
+    ("not enabled and unsound", IDLE, {"unsound_steps": 9}, DISABLED_UNSOUND, IDLE),
     ("enabled and sound", IDLE, {}, ENABLED, RUN),
     ("enabled, not sound yet", IDLE, {}, UNSOUND, START),
-    (
-        "enabled, unsound for too long",
-        IDLE,
-        LONG_UNSOUND,
-        UNSOUND,
-        FAULT,
-    ),
+    ("enabled, unsound for too long", IDLE, LONG_UNSOUND, UNSOUND, FAULT),
     ("sound now", START, {"unsound_steps": 2}, ENABLED, RUN),
     ("not sound yet", START, {"unsound_steps": 2}, UNSOUND, START),
     ("unsound for too long", START, LONG_UNSOUND, UNSOUND, FAULT),
@@ -136,36 +124,6 @@ def follow(situations, phase=None):
     for situation in situations:
         phases.append(after(phases[-1], situation))
     return phases[1:]
-
-
-def test_unsound_readings_end_in_a_hold_then_a_release_then_a_fault():
-    stages = [
-        phase.stage
-        for phase in follow(
-            [
-                ENABLED,
-                *[UNSOUND] * 6,
-                Situation(True, sound=False, at_rest=True),
-                ENABLED,
-            ]
-        )
-    ]
-    assert stages == [RUN, HOLD, HOLD, HOLD, RELEASE, RELEASE, RELEASE, FAULT, FAULT]
-
-
-def test_an_absent_operator_ends_in_a_hold_then_a_release_then_rest():
-    stages = [
-        phase.stage
-        for phase in follow(
-            [
-                ENABLED,
-                *[UNATTENDED] * 7,
-                Situation(False, operator_present=False, at_rest=True),
-                ENABLED,
-            ]
-        )
-    ]
-    assert stages == [RUN, *[HOLD] * 6, RELEASE, IDLE, RUN]
 
 
 def test_a_fault_that_ends_in_time_is_forgotten():

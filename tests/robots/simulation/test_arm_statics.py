@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from held_arm import action_for, bends
+from held_arm import action_for, bends, settled
 from s2c2a.arm import ArmGeometry, Cable
 from s2c2a.robots.simulation import FIDELITIES, SimulatedRobot
 
@@ -12,18 +12,6 @@ from rod import rod_shape
 WEIGHTLESS = (0.0, 0.0, 0.0)
 LENGTH, RADIUS, MASS = 0.2, 0.027, 0.075
 PULL = {"actuation": "tension", "gravity_direction": WEIGHTLESS}
-
-
-def settled(
-    arm, action=None, fidelity="fast", seconds=5.0, push=(0.0, 0.0, 0.0), payload=0.0
-) -> SimulatedRobot:
-    """The robot after holding an action for a while."""
-    robot = SimulatedRobot(arm, fidelity, payload=payload)
-    robot.open()
-    robot.apply_force(push)
-    for _ in range(round(seconds * arm.control_rate)):
-        robot.step(ArmGeometry.of(arm).action_neutral if action is None else action)
-    return robot
 
 
 def test_one_cable_bends_a_weightless_module_by_its_moment_over_the_rigidity(
@@ -66,9 +54,7 @@ def test_cables_shortened_together_only_get_tighter(make_arm, fidelity):
     np.testing.assert_allclose(bends(robot), 0, atol=1e-9)
 
 
-def test_lengthened_cables_hang_slack_and_leave_the_module_to_its_own_stiffness(
-    make_arm,
-):
+def test_lengthened_cables_hang_slack(make_arm):
     arm = make_arm(1, 3, gravity_direction=WEIGHTLESS)
     robot = settled(arm, np.full((1, 3), 0.01))
     np.testing.assert_array_equal(robot.tensions(), 0)
@@ -117,7 +103,7 @@ def test_a_small_force_bends_a_weightless_module_like_a_clamped_beam(
 
 def test_weight_bends_a_lying_module_like_a_clamped_beam(make_arm, fidelity):
     """W L^4 / (8 EI) (1 - 1 / 2n^2); a payload adds P L^3 / (3 EI) (1 - 1 / 4n^2)."""
-    lying = {"actuation": "tension", "gravity_direction": (0.0, 1.0, 0.0)}
+    lying = {"actuation": "tension", "gravity_direction": (0.6, 0.8, 0.0)}
     arm = make_arm(1, 3, {"tension_range": 20.0, "bending_stiffness": 10.0}, **lying)
     segments = FIDELITIES[fidelity].segments
     own = MASS * 9.81 * LENGTH**3 / 80 * (1 - 0.5 / segments**2)
@@ -126,8 +112,9 @@ def test_weight_bends_a_lying_module_like_a_clamped_beam(make_arm, fidelity):
         settled(arm, fidelity=fidelity, payload=payload).states()[0]
         for payload in (0.0, 0.1)
     )
-    np.testing.assert_allclose(bare[:2], [0, own], rtol=1e-4, atol=1e-9)
-    np.testing.assert_allclose(loaded[:2], [0, own + added], rtol=1e-4, atol=1e-9)
+    down = np.array([0.6, 0.8])
+    np.testing.assert_allclose(bare[:2], own * down, rtol=1e-4, atol=1e-9)
+    np.testing.assert_allclose(loaded[:2], (own + added) * down, rtol=1e-4, atol=1e-9)
 
 
 def test_gravity_bends_a_standing_arm_further_and_straightens_a_hanging_one(make_arm):

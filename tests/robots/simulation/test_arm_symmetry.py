@@ -3,21 +3,13 @@
 import numpy as np
 import pytest
 
-from held_arm import action_for
+from held_arm import action_for, settled
 from s2c2a.arm import ArmGeometry
 from s2c2a.robots.simulation import FIDELITIES, SimulatedRobot
 
 from marks import slow_after
 
 PRESETS = ["twin", "simulated"]
-
-
-def held(arm, action, fidelity="fast", steps=30) -> np.ndarray:
-    """States after holding an action for some control steps."""
-    with SimulatedRobot(arm, fidelity) as robot:
-        for _ in range(steps):
-            robot.step(action)
-        return robot.states()
 
 
 def turned(vectors: np.ndarray, angle: float) -> np.ndarray:
@@ -37,7 +29,7 @@ def test_pulling_the_next_cables_instead_turns_the_arm_by_their_angle(
     arm = request.getfixturevalue(preset)
     action = action_for(arm, [[0.6, 0.1], [-0.3, 0.5], [0.2, -0.7]])
     here, next_ = (
-        held(arm, np.roll(action, shift, axis=1), fidelity, 100)[:, :3]
+        settled(arm, np.roll(action, shift, axis=1), fidelity, 10.0).states()[:, :3]
         for shift in (0, 1)
     )
     assert np.linalg.norm(here[-1, :2]) > 0.1
@@ -52,7 +44,8 @@ def test_mirrored_actions_give_mirrored_states(preset, request):
     arm = request.getfixturevalue(preset)
     shares = np.array([[0.6, 0.1], [-0.3, 0.5], [0.2, -0.7]])
     here, mirrored = (
-        held(arm, action_for(arm, shares * [1, side])) for side in (1, -1)
+        settled(arm, action_for(arm, shares * [1, side]), seconds=3.0).states()
+        for side in (1, -1)
     )
     np.testing.assert_allclose(mirrored, here * [1, -1, 1, 1, -1, 1], atol=1e-6)
 

@@ -24,10 +24,8 @@ def tips(robot, steps=12) -> np.ndarray:
     "kind", ["payload 0.1", "force 0.5 0 0", "homing_error 0.002", "stiffness_loss 0.9"]
 )
 def test_an_event_acts_at_its_time_and_not_before(twin, kind):
-    calm, troubled = (
-        tips(SimulatedRobot(twin)),
-        tips(SimulatedRobot(twin, events=f"0.5 {kind}")),
-    )
+    calm = tips(SimulatedRobot(twin))
+    troubled = tips(SimulatedRobot(twin, events=f"0.5 {kind}"))
     np.testing.assert_array_equal(calm[:5], troubled[:5])
     assert np.linalg.norm(calm[-1] - troubled[-1]) > 1e-3
 
@@ -40,13 +38,9 @@ def test_opening_again_undoes_all_events(twin):
 
 
 def test_sensor_loss_leaves_encoders_and_ground_truth(twin):
-    arm = twin.model_copy(
-        update={
-            "sensors": Sensors(
-                imu=Inertial(), camera=Camera(rate=10.0, lost=0.0, delay=0.0)
-            )
-        }
-    )
+    camera = Camera(rate=10.0, lost=0.0, delay=0.0)
+    sensors = Sensors(imu=Inertial(), camera=camera)
+    arm = twin.model_copy(update={"sensors": sensors})
     robot = SimulatedRobot(arm, events="0.3 sensor_loss")
     robot.open()
     said = []
@@ -80,9 +74,5 @@ def test_invalid_events_are_rejected(twin, text):
 
 
 def test_events_are_sorted_by_time():
-    assert [one.time for one in parse_events("12 sensor_loss;" + EXAMPLE)] == [
-        8.0,
-        10.0,
-        12.0,
-        12.0,
-    ]
+    times = [one.time for one in parse_events("12 sensor_loss;" + EXAMPLE)]
+    assert times == [8.0, 10.0, 12.0, 12.0]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from held_arm import bends
+from held_arm import bends, settled
 from s2c2a.arm import ArmGeometry, Mismatch
 from s2c2a.robots.simulation import FIDELITIES, SimulatedRobot
 
@@ -25,15 +25,6 @@ def pulled_arm(make_arm):
         return make_arm(modules=modules, module=module, **PULL)
 
     return make
-
-
-def settled(arm, tensions, fidelity="fast", seconds=4.0, **options) -> SimulatedRobot:
-    """The robot after holding an action for a while."""
-    robot = SimulatedRobot(arm, fidelity, **options)
-    robot.open()
-    for _ in range(round(seconds * arm.control_rate)):
-        robot.step(np.array(tensions))
-    return robot
 
 
 def bend_of(tension: float, stiffness: float = EI, radius: float = RADIUS) -> float:
@@ -110,9 +101,7 @@ def test_hardening_is_the_stiffness_increase_at_full_bend(pulled_arm, fidelity):
     assert np.linalg.norm(bend) == pytest.approx(full, rel=0.015)
 
 
-def test_stiffness_and_mass_errors_change_bend_and_mass(
-    pulled_arm,
-):
+def test_stiffness_and_mass_errors_change_bend_and_mass(pulled_arm):
     arm = pulled_arm(stiffness_error=0.25, mass_error=0.1)
     robot = settled(arm, [[10.0, 0.0, 0.0, 0.0]])
     assert bends(robot)[0, 0] == pytest.approx(bend_of(10.0, 1.25 * EI), rel=0.01)

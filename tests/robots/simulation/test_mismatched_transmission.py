@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from held_arm import settled
 from s2c2a.arm import ArmGeometry, Cable, Mismatch, Motor
 from s2c2a.errors import S2C2AError
 from s2c2a.robots.simulation import SimulatedRobot
@@ -10,15 +11,6 @@ from s2c2a.robots.simulation.transmission import CableTransmission
 
 WEIGHTLESS = {"gravity_direction": (0.0, 0.0, 0.0), "modules": 1}
 NOTHING, STRAIGHT = np.zeros((1, 3)), np.zeros(1)
-
-
-def held(arm, action, steps=60, fidelity="fast", **options) -> SimulatedRobot:
-    """The robot after holding an action for a while."""
-    robot = SimulatedRobot(arm, fidelity, **options)
-    robot.open()
-    for _ in range(steps):
-        robot.step(np.array(action))
-    return robot
 
 
 def test_every_cable_has_its_own_backlash(make_arm):
@@ -31,16 +23,12 @@ def test_every_cable_has_its_own_backlash(make_arm):
 
 
 def test_homing_errors_bend_the_arm_at_rest_and_are_new_at_every_opening(make_arm):
-    robot = SimulatedRobot(
-        make_arm(motor=Motor(homing_error=1e-3), **WEIGHTLESS), seed=5
-    )
-    first, second = robot.open()["configurations"], robot.open()["configurations"]
-    again = SimulatedRobot(robot.arm, seed=5)
+    arm = make_arm(motor=Motor(homing_error=1e-3), **WEIGHTLESS)
+    robot, again = (SimulatedRobot(arm, seed=5) for _ in range(2))
+    first, second = (robot.open()["configurations"] for _ in range(2))
     assert np.abs(first - second).max() > 1e-3
-    np.testing.assert_array_equal(
-        [again.open()["configurations"], again.open()["configurations"]],
-        [first, second],
-    )
+    for opened in (first, second):
+        np.testing.assert_array_equal(again.open()["configurations"], opened)
 
 
 def test_a_module_lags_behind_cables_that_move_by_their_viscous_friction(
@@ -57,12 +45,9 @@ def test_a_module_lags_behind_cables_that_move_by_their_viscous_friction(
             "cable": Cable(stiffness=stiffness, viscous_friction=viscous),
             "pretension": 20.0,
         }
-        robot = SimulatedRobot(
-            make_arm(
-                cables=4, motor=Motor(speed_limit=speed), module=module, **WEIGHTLESS
-            ),
-            fidelity,
-        )
+        motor = Motor(speed_limit=speed)
+        arm = make_arm(cables=4, motor=motor, module=module, **WEIGHTLESS)
+        robot = SimulatedRobot(arm, fidelity)
         robot.open()
         for _ in range(15):
             before = robot.data.ten_length[0]
@@ -82,10 +67,9 @@ def test_viscous_friction_reduces_the_tension_of_a_moving_tension_arm(
     for viscous in (0.0, 300.0):
         module = {"tension_range": 20.0, "cable": Cable(viscous_friction=viscous)}
         arm = make_arm(actuation="tension", module=module, **WEIGHTLESS)
-        halfway.append(
-            held(arm, [[10.0, 0.0, 0.0]], 2, fidelity).configurations()[0, 0]
-        )
-        ends.append(held(arm, [[10.0, 0.0, 0.0]], 80, fidelity).configurations()[0, 0])
+        for bent, seconds in ((halfway, 0.2), (ends, 8.0)):
+            robot = settled(arm, [[10.0, 0.0, 0.0]], fidelity, seconds)
+            bent.append(robot.configurations()[0, 0])
     assert ends[0] == pytest.approx(ends[1], rel=1e-3)
     assert halfway[1] < 0.8 * halfway[0]
 
@@ -94,12 +78,8 @@ def test_a_cable_without_tension_resists_extension_and_does_not_push(
     make_arm, fidelity
 ):
     module = {"tension_range": 20.0, "cable": Cable(viscous_friction=300.0)}
-    robot = held(
-        make_arm(actuation="tension", module=module, **WEIGHTLESS),
-        [[10.0, 0.0, 0.0]],
-        1,
-        fidelity,
-    )
+    arm = make_arm(actuation="tension", module=module, **WEIGHTLESS)
+    robot = settled(arm, [[10.0, 0.0, 0.0]], fidelity, seconds=0.1)
     out = robot.data.ten_velocity
     assert out[1:].min() > 1e-3
     np.testing.assert_allclose(robot.tensions()[0, 1:], 300.0 * out[1:], rtol=1e-6)
@@ -115,7 +95,7 @@ def test_an_aged_arm_loses_the_drift_share_of_motor_motion(make_arm, fidelity):
     )
     action = ArmGeometry.of(arm).actions_at(np.array([[0.5, 0.0]]))
     young, half, old = (
-        held(arm, action, fidelity=fidelity, aged=aged).configurations()[0, 0]
+        settled(arm, action, fidelity, aged=aged).configurations()[0, 0]
         for aged in (0, 0.5, 1)
     )
     assert np.arcsin(old) / np.arcsin(young) == pytest.approx(0.9, abs=2e-3)
@@ -148,9 +128,7 @@ def test_tensions_need_current_noise_in_the_arm_file(make_arm):
     assert robot.open()["tensions"].shape == robot.sensors["tensions"].shape == (3, 3)
 
 
-def test_currents_add_gear_friction_while_winding_in(
-    make_arm,
-):
+def test_currents_add_gear_friction_while_winding_in(make_arm):
     module = {
         "pretension": 8.0,
         "cable": Cable(stiffness=3000.0, friction=0.1, friction_angle_deg=180.0),
@@ -160,7 +138,7 @@ def test_currents_add_gear_friction_while_winding_in(
         module=module,
         **WEIGHTLESS,
     )
-    robot = held(arm, [[-0.002, 0.001, 0.001]])
+    robot = settled(arm, [[-0.002, 0.001, 0.001]])
     at_motors = robot.tensions()[0] * np.exp(0.1 * np.pi * np.array([1, -1, -1]))
     np.testing.assert_allclose(
         robot.read()["tensions"][0], at_motors + 1.5 * np.array([1, -1, -1]), rtol=1e-6
@@ -181,5 +159,5 @@ def test_currents_of_a_tension_arm_measure_its_motors(make_arm):
         module={"tension_range": 20.0},
         **WEIGHTLESS,
     )
-    robot = held(arm, [[10.0, 4.0, 0.0]])
+    robot = settled(arm, [[10.0, 4.0, 0.0]])
     np.testing.assert_allclose(robot.read()["tensions"], [[10.5, 4.5, 0.0]])

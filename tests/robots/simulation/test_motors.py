@@ -49,23 +49,6 @@ def test_a_path_in_two_parts_has_the_same_end(motor):
     )
 
 
-def test_after_one_time_constant_the_error_is_one_over_e():
-    position = compute_motor_path(
-        np.zeros(1), np.ones(1), np.array([0.3]), Motor(time_constant=0.3)
-    )
-    assert position[0, 0] == pytest.approx(1 - np.exp(-1))
-
-
-def test_a_limited_motor_takes_distance_over_speed():
-    positions = compute_motor_path(
-        np.zeros(1),
-        np.array([-0.02]),
-        np.array([0.05, 0.1, 0.2]),
-        Motor(speed_limit=0.2),
-    )
-    np.testing.assert_allclose(positions[:, 0], [-0.01, -0.02, -0.02])
-
-
 def test_encoders_count_whole_ticks():
     motor = Motor(pulley_radius=0.01, ticks_per_turn=4096, noise_ticks=3.0)
     tick = 2 * np.pi * 0.01 / 4096

@@ -76,13 +76,8 @@ def test_the_control_rate_changes_nothing_about_where_an_arm_comes_to_rest(
 @pytest.mark.parametrize("rate", [0.5, 1.4, 10.0, 50.0])
 def test_an_arm_has_settled_for_a_second_when_it_opens(make_arm, rate):
     """A lying module sags under its weight; after opening it moves no more."""
-    arm = make_arm(
-        1,
-        3,
-        {"damping_time": 0.02},
-        gravity_direction=(1.0, 0.0, 0.0),
-        control_rate=rate,
-    )
+    lying = {"gravity_direction": (1.0, 0.0, 0.0)}
+    arm = make_arm(1, 3, {"damping_time": 0.02}, control_rate=rate, **lying)
     robot = SimulatedRobot(arm)
     opened = robot.open()["states"]
     for _ in range(int(np.ceil(2 * rate))):
@@ -145,19 +140,11 @@ def test_a_diverged_robot_raises_until_it_is_opened_again(broken):
     assert np.isfinite(robot.read()["states"]).all()
 
 
-def test_a_jittered_start_is_straight_except_for_hysteresis(
-    make_arm,
-):
+def test_a_jittered_start_is_straight_except_for_hysteresis(make_arm):
     opened = {}
     for backlash in (0.0, 0.001):
-        arm = make_arm(
-            2,
-            3,
-            {
-                "cable": Cable(stiffness=1e4, backlash=backlash),
-                "bending_stiffness": 0.3,
-            },
-        )
+        cable = Cable(stiffness=1e4, backlash=backlash)
+        arm = make_arm(2, 3, {"cable": cable, "bending_stiffness": 0.3})
         for seed in (0, 1):
             robot = SimulatedRobot(arm, seed=seed, jitter=0.1)
             opened[backlash, seed] = robot.open()["states"]
@@ -230,16 +217,13 @@ def test_the_twin_moves_and_the_arm_file_describes_it(twin, tmp_path):
     (tmp_path / "heavy.toml").write_text(
         arm_to_toml(twin.model_copy(update={"modules": tuple(heavy)}))
     )
-    robot, alone = (
-        SimulatedRobot(twin, twin=str(tmp_path / "heavy.toml")),
-        SimulatedRobot(twin),
-    )
-    other = SimulatedRobot(load_arm(tmp_path / "heavy.toml"))
+    path = str(tmp_path / "heavy.toml")
+    robot, alone = SimulatedRobot(twin, twin=path), SimulatedRobot(twin)
+    other = SimulatedRobot(load_arm(path))
     assert robot.arm == twin
     quick = twin.model_copy(update={"control_rate": 33.0})
-    assert driven(SimulatedRobot(quick, twin=str(tmp_path / "heavy.toml")))[
-        -1
-    ].time == pytest.approx(10 / 33, rel=0.01)
+    readings = driven(SimulatedRobot(quick, twin=path))
+    assert readings[-1].time == pytest.approx(10 / 33, rel=0.01)
     states = [column(driven(one), "states") for one in (robot, other, alone)]
     np.testing.assert_array_equal(states[0], states[1])
     assert np.abs(states[0] - states[2])[-1].max() > 0.001
