@@ -7,7 +7,7 @@ import pytest
 from s2c2a.arm import ArmGeometry
 from s2c2a.episodes import Episode
 from s2c2a.errors import ReadingError
-from s2c2a.evaluation.coverage import HOLD, Coverage, random_bends
+from s2c2a.evaluation.coverage import Coverage, random_bends
 from s2c2a.kinematics import PCC, states_from_bends
 
 
@@ -55,7 +55,6 @@ def test_speeds_are_those_of_the_fastest_module_within_each_episode(recorded):
     ]
     coverage = Coverage.of(episodes)
     np.testing.assert_allclose(coverage.speeds, [0.2, 0.0, 0.2, 0.0], atol=1e-5)
-    assert coverage.hold_speed == pytest.approx(HOLD * coverage.fastest)
 
 
 def test_more_random_shapes_reach_more(recorded, make_arm):

@@ -80,15 +80,6 @@ def test_memory_reduces_the_error_on_backlash(trained, make_arm):
     assert trained.percent[0] < 1.0
 
 
-def test_held_out_samples_train_all_but_stiffness(trained, make_arm):
-    before = trained.network
-    data = of(make_arm(2), *synthetic(make_arm(2)))
-    after = SIZE.train_on_all(before, data, OPTIONS, jax.random.key(0))
-    kept, earlier = after.equilibrium, before.equilibrium
-    np.testing.assert_array_equal(kept.log_stiffness, earlier.log_stiffness)
-    assert (kept.tautness != earlier.tautness).all()
-
-
 def test_targets_stay_beside_their_inputs_in_every_stretch(trained, make_arm):
     """The test error, computed again along whole episodes."""
     model = trained.network

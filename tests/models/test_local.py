@@ -97,7 +97,9 @@ def test_samples_that_judge_train_the_model_that_is_kept_too(arm, trained):
     )
     assert shares == [0.0, 0.5, 0.5, 1.0]
     before, after = trained.chain.equilibrium, result.network.chain.equilibrium
-    assert abs(after.log_stiffness - before.log_stiffness).max() > 1e-4
+    assert abs(after.tautness - before.tautness).max() > 1e-4
+    # which samples without payload hardly determine
+    np.testing.assert_array_equal(after.log_stiffness, before.log_stiffness)
 
 
 @pytest.mark.slow

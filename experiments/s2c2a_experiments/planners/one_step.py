@@ -51,11 +51,9 @@ class LeastSquares(Solver):
     iterations: int = 10
 
     def solve(self, problem: Problem) -> Configurations:
+        start = problem.situation.last.bends
         bends, _ = solve_least_squares(
-            lambda bends: problem.residuals(problem.candidate_at(bends)),
-            problem.situation.last.bends,
-            problem.within_step,
-            self.iterations,
+            problem.stacked, start, problem.within_step, self.iterations
         )
         return configurations_from_bends(bends)
 

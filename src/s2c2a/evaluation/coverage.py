@@ -84,11 +84,6 @@ class Coverage:
         return ArmGeometry.of(self.arm).planned_bends
 
     @property
-    def hold_speed(self) -> float:
-        """Speed below which the arm counts as held [rad/s]."""
-        return HOLD * self.fastest
-
-    @property
     def fastest(self) -> float:
         """The step limit as a speed [rad/s]."""
         return ArmGeometry.of(self.arm).step_limit * self.arm.control_rate

@@ -171,6 +171,10 @@ class Problem(NamedTuple):
             total = total + jnp.sum(weights * norm(residuals))
         return total
 
+    def stacked(self, bends: Bends) -> Float[Array, " residuals"]:
+        """The residuals of these bends."""
+        return self.residuals(self.candidate_at(bends))
+
     def residuals(self, candidate: Candidate) -> Float[Array, " residuals"]:
         """All sqrt(mu) r in one vector; its sum of squares is the sum of mu |r|^2."""
         rows = []

@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from matplotlib.gridspec import SubplotSpec
 
 from s2c2a.episodes import Episode
-from s2c2a.evaluation.coverage import NEAR_BEND, NEAR_TIP, Coverage
+from s2c2a.evaluation.coverage import HOLD, NEAR_BEND, NEAR_TIP, Coverage
 from s2c2a.viz.charts import (
     COLUMNS,
     DOTS_PER_INCH,
@@ -200,8 +200,8 @@ def _draw_speeds(coverage: Coverage, figure: Figure, place: SubplotSpec) -> None
     if not len(speeds):
         write_placeholder(axes, "no motion")
         return
-    hold = float(np.rad2deg(coverage.hold_speed))
     fastest = float(np.rad2deg(coverage.fastest))
+    hold = HOLD * fastest
     edges = np.geomspace(hold, max(1.2 * fastest, speeds.max()), CELLS + 1)
     counts, _ = np.histogram(speeds, edges)
     share = 100.0 / len(speeds)

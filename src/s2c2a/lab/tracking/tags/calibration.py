@@ -43,7 +43,9 @@ def board_picture(board: Board, square_pixels: int) -> np.ndarray:
     OpenCV's own picture fails for some sizes of markers and squares.
     """
     count = square_pixels
-    picture = np.full((count * (board.rows + 2), count * (board.columns + 2)), 255)
+    height = count * (board.rows + 2)
+    width = count * (board.columns + 2)
+    picture = np.full((height, width), 255)
     side = round(count * board.marker / board.square)
     margin = (count - side) // 2
     id = 0

@@ -212,7 +212,8 @@ def _profiles(gray: np.ndarray, homography: np.ndarray) -> np.ndarray:
     """Gray values across the edges, from black to white: (edges, along, across)."""
     shape = (4, _ALONG.size, _ACROSS.size)
     points = _map(homography, _edge_points(np.broadcast_to(_ACROSS, shape)))
-    columns, rows = np.moveaxis(points.astype(np.float32).reshape(4, -1, 2), -1, 0)
+    positions = points.astype(np.float32).reshape(4, -1, 2)
+    columns, rows = np.moveaxis(positions, -1, 0)
     border = cv2.BORDER_REPLICATE
     values = cv2.remap(gray, columns, rows, cv2.INTER_LINEAR, borderMode=border)
     return values.reshape(shape).astype(np.float64)
