@@ -80,7 +80,8 @@ def _combined(name: str, parts: list[Arrays]) -> Arrays:
     """One array of equal small parts, one row for each; otherwise each by its number."""
     shapes = {each.shape for part in parts for each in part.values()}
     names = {tuple(part) for part in parts}
-    if len(names) == 1 and len(shapes) == 1 and math.prod(*shapes) < len(parts):
+    are_alike = len(names) == 1 and len(shapes) == 1
+    if are_alike and math.prod(*shapes) < len(parts):
         rows = {
             key: np.stack([part[key].reshape(-1) for part in parts]) for key in parts[0]
         }

@@ -470,7 +470,8 @@ def _window_element(
         index = indices.at((*_picked(names, batch), str(number)))
         largest = array.shape[axis] - sizes[axis]
         start = clamped(index, largest)
-        places[axis] = start if places[axis] == "0" else f"({start} + {places[axis]})"
+        is_first = places[axis] == "0"
+        places[axis] = start if is_first else f"({start} + {places[axis]})"
         tests.append(f"({index} >= 0 && {index} <= {largest})")
     return array.at(tuple(places)), " && ".join(tests) or "1"
 
