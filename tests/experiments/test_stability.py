@@ -37,7 +37,7 @@ def test_the_campaign_asks_for_holds_and_pushed_circles_of_every_case(twin, aske
 def test_a_held_arm_with_100_g_does_not_vibrate(sensors, most, twin, given, tmp_path):
     """A shorter hold would judge an estimate of the payload that still settles.
 
-    Single runs move by 0.1 to 0.7 cm.
+    The mean of four runs counts: single ones move by up to 0.7 cm.
     """
     arm = with_sensors(twin, sensors)
     conditions = Conditions(RobotFactory.simulation(payload=0.1))

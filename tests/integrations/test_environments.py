@@ -334,6 +334,11 @@ def test_a_task_with_values_of_another_form_is_refused(methods, told):
         begun(task, count=2, **options).step(np.zeros((2, 2)))
 
 
+def test_without_randomization_a_task_samples_no_arm():
+    other = {"sampled_arm": lambda task, seed: load_arm("twin_arm")}
+    assert begun(type("Other", (Reach,), other)).moment().steps == 0
+
+
 def test_a_task_without_a_class_is_explained():
     with pytest.raises(S2C2AError, match="or give a class of your own with task=Mine"):
         gymnasium.make_vec("S2C2A/Task-v0", 2, "vector_entry_point")

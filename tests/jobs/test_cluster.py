@@ -16,7 +16,7 @@ from s2c2a.arm import load_arm
 from s2c2a.cli.execution import make_executor, require
 from s2c2a.data import CollectOptions, collect
 from s2c2a.episodes import load_episodes
-from s2c2a.errors import ClusterError, S2C2AError
+from s2c2a.errors import ClusterError, S2C2AError, SimulationError
 from s2c2a.execution.executors import Processes, Serial, in_order
 from s2c2a.jobs import Cache, Run, jobs_for, make_all, score_rows, try_all
 from s2c2a.jobs import cluster as cluster_module
@@ -194,6 +194,17 @@ def test_a_late_worker_with_another_version_is_rejected(cluster, monkeypatch):
         ClusterError, match=r"joined that has s2c2a .* \(here 9\.9\.9\)"
     ):
         next(in_order(cluster, abs, [1]))
+
+
+@pytest.mark.slow
+def test_an_error_on_a_worker_is_raised_here(cluster):
+    with pytest.raises(SimulationError, match="blew up") as raised:
+        next(in_order(cluster, blow_up, [1]))
+    assert raised.value.step == 5
+
+
+def blow_up(number):
+    raise SimulationError("blew up", 5)
 
 
 def test_an_invalid_address_is_rejected(monkeypatch):
