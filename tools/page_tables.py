@@ -250,6 +250,32 @@ def calibration_table() -> str:
     return table(["line", "`twin_arm`", "the paper's arm"], lines)
 
 
+ABLATION = (
+    _line("`circle` [cm]", "ingredients", "circle", "position"),
+    _line("`tilt-60` [cm; deg]", "ingredients", "tilt-60", "position", "tilt"),
+    _line("`tilt-0` [cm; deg]", "ingredients", "tilt-0", "position", "tilt"),
+    _line(
+        "`hold-middle` [cm; deg]",
+        "ingredients",
+        "hold-middle",
+        "constraint",
+        "orientation",
+    ),
+)
+
+
+@shown_as("ablation")
+def ablation_table() -> str:
+    """Errors of the recipes with one part removed or replaced, one a line."""
+    file = "ingredients/ingredients.json"
+    strategies = dict.fromkeys(row["strategy"] for row in find_rows(file))
+    lines = []
+    for strategy in strategies:
+        column = Column("", "ingredients", {"strategy": strategy})
+        lines.append([strategy, *(line.cell(column) for line in ABLATION)])
+    return table(["", *(line.label for line in ABLATION)], lines)
+
+
 @shown_as("paths")
 def paths_table() -> str:
     """Paths that need an S shape."""
