@@ -112,15 +112,6 @@ def test_eighteen_episodes_are_six_per_stage(twin):
     assert kinds == [1] * 6 + [2] * 6 + [3] * 6
 
 
-def test_an_episode_does_not_depend_on_earlier_ones(twin):
-    geometry = ArmGeometry.of(twin)
-    alone = episode_actions(geometry, "staged", 4, 6, 80, 9)
-    after_others = [
-        episode_actions(geometry, "staged", episode, 6, 80, 9) for episode in (5, 0, 4)
-    ][-1]
-    np.testing.assert_array_equal(alone, after_others)
-
-
 def test_no_step_exceeds_the_fastest_speed():
     for speeds in (SPEEDS, (0.02, 0.06)):
         paths = [

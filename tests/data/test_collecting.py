@@ -117,15 +117,22 @@ def test_sent_actions_are_recorded(gather):
     )
 
 
+def with_sensors(change):
+    """The simulated robot, whose readings have the sensors of a function of them."""
+
+    class Changed(SimulatedRobot):
+        def read(self):
+            reading = super().read()
+            return replace(reading, sensors=change(reading))
+
+    return Changed
+
+
 def test_sensors_that_a_robot_lacks_are_not_in_the_recording(gather):
-    class Unwatched(SimulatedRobot):
+    class Unwatched(with_sensors(lambda reading: {"cables": reading["cables"]})):
         @property
         def sensors(self):
             return {"cables": super().sensors["cables"]}
-
-        def read(self):
-            reading = super().read()
-            return replace(reading, sensors={"cables": reading["cables"]})
 
     made = gather(make=Unwatched)
     assert made.sensors == ["cables"]
@@ -133,17 +140,13 @@ def test_sensors_that_a_robot_lacks_are_not_in_the_recording(gather):
 
 
 def test_a_custom_sensor_of_a_robot_is_recorded(gather):
-    class Warm(SimulatedRobot):
+    def warmed(reading):
+        return reading.sensors | {"warmth": np.array([300.0, reading.time])}
+
+    class Warm(with_sensors(warmed)):
         @property
         def sensors(self):
             return super().sensors | {"warmth": Sensor((2,), "K")}
-
-        def read(self):
-            reading = super().read()
-            return replace(
-                reading,
-                sensors=reading.sensors | {"warmth": np.array([300.0, reading.time])},
-            )
 
     made = gather(make=Warm)
     np.testing.assert_array_equal(made.sensor("warmth")[..., 1], made.time)
@@ -169,20 +172,16 @@ def test_an_episode_with_a_failed_sensor_is_dropped_and_can_be_resumed(
 ):
     """Whatever the sensor is: all that is recorded counts."""
 
-    class Spoilt(SimulatedRobot):
-        def read(self):
-            reading, bad = super().read(), np.full((3, 3), value)
-            return replace(
-                reading,
-                sensors=reading.sensors
-                | ({"cables": bad} if reading.time > 0.75 else {}),
-            )
+    def spoilt(reading):
+        cables = np.full((3, 3), value) if reading.time > 0.75 else reading["cables"]
+        return reading.sensors | {"cables": cables}
 
     seen = []
 
     def make(seed):
         seen.append(seed)
-        return (Spoilt if len(seen) == 3 else SimulatedRobot)(TWIN, seed=seed)
+        kind = with_sensors(spoilt) if len(seen) == 3 else SimulatedRobot
+        return kind(TWIN, seed=seed)
 
     with pytest.raises(
         RecordingError,
@@ -194,19 +193,12 @@ def test_an_episode_with_a_failed_sensor_is_dropped_and_can_be_resumed(
 
 
 def test_a_short_gap_is_interpolated_and_marked_by_its_stage(gather):
-    lost_steps = (4, 5)
+    def lossy(reading):
+        is_lost = round(reading.time * TWIN.control_rate) in (4, 5)
+        cables = np.where(is_lost, np.nan, reading["cables"])
+        return reading.sensors | {"cables": cables}
 
-    class Lossy(SimulatedRobot):
-        def read(self):
-            reading = super().read()
-            step = round(reading.time * TWIN.control_rate)
-            if step not in lost_steps:
-                return reading
-            missing = np.full_like(reading["cables"], np.nan)
-            return replace(reading, sensors={**reading.sensors, "cables": missing})
-
-    recording = gather(make=Lossy)
-    episode = recording.episodes[0]
+    episode = gather(make=with_sensors(lossy)).episodes[0]
     cables = episode["sensor.cables"]
     assert np.isfinite(cables).all()
     expected = np.linspace(cables[3], cables[6], 4)
@@ -249,12 +241,6 @@ def test_after_a_failure_every_robot_is_closed_and_one_thread_opens_no_other(
         gather(make=torn, threads=threads)
     assert 2 <= len(torn.opened) <= most
     assert set(torn.closed) == set(torn.opened)
-
-
-def test_progress_counts_complete_episodes(gather):
-    told = []
-    gather(threads=2, progress=lambda done, total: told.append((done, total)))
-    assert told == [(0, 4), (1, 4), (2, 4), (3, 4), (4, 4)]
 
 
 def test_after_an_interrupt_complete_episodes_are_kept_and_resumed(gather, tmp_path):
@@ -369,7 +355,9 @@ collect(sys.argv[1], arm, lambda seed: SimulatedRobot(arm, seed=seed), options,
 """
 
 
-def test_a_run_killed_and_resumed_at_random_equals_an_uninterrupted_run(twin, tmp_path):
+def test_a_run_killed_and_resumed_at_random_equals_an_uninterrupted_run(
+    gather, tmp_path
+):
     path, random = tmp_path / "killed.episodes", np.random.default_rng(0)
     running = subprocess.Popen(
         [sys.executable, "-c", KILLED, str(path)], stdout=subprocess.PIPE, text=True
@@ -382,29 +370,18 @@ def test_a_run_killed_and_resumed_at_random_equals_an_uninterrupted_run(twin, tm
     assert running.returncode == -signal.SIGKILL
     assert 0 < len(load_recording(path).episodes) < 12
     options = CollectOptions(episodes=12, samples=40)
-    whole, resumed = (
-        collect(
-            tmp_path / name,
-            twin,
-            lambda seed: SimulatedRobot(twin, seed=seed),
-            options,
-            resume=True,
-        )
-        for name in ("whole.episodes", "killed.episodes")
-    )
-    assert_same(resumed, whole)
+    resumed = gather("killed.episodes", options=options, resume=True)
+    assert_same(resumed, gather("whole.episodes", options=options))
 
 
-class _NeverTracked(SimulatedRobot):
-    def open(self):
-        raise RobotError("no pose arrived")
+def test_no_empty_recording_stays_when_the_robot_never_opened(gather, tmp_path):
+    class NeverTracked(SimulatedRobot):
+        def open(self):
+            raise RobotError("no pose arrived")
 
-
-def test_no_empty_recording_stays_when_the_robot_never_opened(twin, tmp_path):
-    path = tmp_path / "none.episodes"
     with pytest.raises(RobotError, match="no pose arrived"):
-        collect(path, twin, lambda seed: _NeverTracked(twin), SMALL, threads=1)
-    assert not path.exists()
+        gather(make=NeverTracked, threads=1)
+    assert not any(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(

@@ -191,32 +191,3 @@ def test_past_actions_begin_one_step_ago_and_before_an_episode_they_are_neutral(
     then = np.array([moment - age - 1 for moment in now] * EPISODES)[:, None]
     desired = np.where(then >= 0, expected(then[: len(now), 0], 4, 0.5), NEUTRAL)
     np.testing.assert_array_equal(samples.inputs["actions"][:, 0, age], desired)
-
-
-def test_no_window_crosses_the_border_of_a_stretch():
-    """All that a stretch's windows hold lies within it."""
-    split = controller_samples(CONFIGURATIONS, ACTIONS, NEUTRAL)
-    for name, moments in STRETCHES.items():
-        samples = getattr(split, name)
-        held = np.concatenate(
-            [values.ravel() for values in (samples.targets, *samples.inputs.values())]
-        )
-        times = (held[held > 0] % 10000) // 10
-        assert (times.min(), times.max()) == (moments[0], moments[-1])
-
-
-def test_one_window_is_as_computed_by_hand():
-    """Episode two, t = 3: C_4; C_3 to C_0; A_2 A_1 A_0, 2 x neutral; target A_3."""
-    samples, row = controller_samples(CONFIGURATIONS, ACTIONS, NEUTRAL).training, 64 + 3
-    np.testing.assert_array_equal(
-        samples.inputs["desired"][row, 0], [20040, 20041, 20042]
-    )
-    np.testing.assert_array_equal(
-        samples.inputs["configurations"][row, 0, :, 0], [20030, 20020, 20010, 20000]
-    )
-    np.testing.assert_array_equal(
-        samples.inputs["actions"][row, 0, :, 0], [20020.5, 20010.5, 20000.5, -1.0, -1.0]
-    )
-    np.testing.assert_array_equal(
-        samples.targets[row, 0], [20030.5, 20031.5, 20032.5, 20033.5]
-    )
