@@ -13,7 +13,6 @@ from s2c2a.evaluation import position_errors, rollout
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.spaces import Reading
 from s2c2a.strategies import recipe_named, s2c2a_strategy, shipped_networks
-from s2c2a.strategies.pcc import PlainPCC
 from s2c2a.tasks import circle
 from s2c2a_experiments.sensors import with_sensors
 
@@ -135,19 +134,6 @@ def test_a_known_payload_needs_no_sensor():
     episode, errors = run(strategy_for(TWIN, known_payload=PAYLOAD), PAYLOAD)
     np.testing.assert_allclose(episode.ran("payload"), PAYLOAD, rtol=1e-6)
     assert errors.mean() < 1.0
-
-
-@pytest.mark.parametrize(
-    ("settings", "option"),
-    [
-        ({"known_payload": 0.05}, "--known-payload"),
-        ({"disturbance_estimation": False}, "--no-disturbance-estimation"),
-        ({"max_compensated_force": 1.0}, "--max-compensated-force"),
-    ],
-)
-def test_settings_that_a_strategy_ignores_are_refused(settings, option):
-    with pytest.raises(StrategyError, match=f"does not support {option}"):
-        EstimationSettings(**settings).check_supported(PlainPCC.supports, "pcc")
 
 
 def test_a_forward_model_that_ignores_payloads_refuses_them(tiny_networks):

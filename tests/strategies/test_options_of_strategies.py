@@ -96,7 +96,8 @@ def test_an_option_of_a_run_changes_what_is_built_or_is_refused(name, option, ef
     if changes:
         assert jobs_for(["circle"], TWIN, [name], [0], BEST, conditions)
         return
-    with pytest.raises(StrategyError, match=f"'{name}' does not support --"):
+    named = rf"'{name}' does not support --(no-)?{option.replace('_', '-')} "
+    with pytest.raises(StrategyError, match=named):
         jobs_for(["circle"], TWIN, [name], [0], BEST, conditions)
 
 
@@ -123,21 +124,24 @@ def test_the_live_page_refuses_a_strategy_that_ignores_the_guard(monkeypatch):
         strategies_of(TWIN, ("shipped",), "arm", ("pcc-fitted",))
 
 
-def test_options_follow_the_name_of_a_strategy_behind_commas(tmp_path):
-    folder = tmp_path / "a,b"
-    folder.mkdir()
-    file = folder / "own.py"
+def own_strategy(file, *lines) -> str:
+    """Name of a strategy of the user's own with such lines in its class."""
     file.write_text(
         "from dataclasses import dataclass\n"
         "from s2c2a.strategies import StrategyOptions\n"
         "@dataclass(frozen=True)\n"
         "class Own(StrategyOptions):\n"
-        "    gain: float = 0.5\n"
-        "    count: int = 3\n"
         "    def build(self, arm, recipe, trained, run):\n"
         "        raise NotImplementedError\n"
+        + "".join(f"    {line}\n" for line in lines)
     )
-    own = f"{file}:Own"
+    return f"{file}:Own"
+
+
+def test_options_follow_the_name_of_a_strategy_behind_commas(tmp_path):
+    folder = tmp_path / "a,b"
+    folder.mkdir()
+    own = own_strategy(folder / "own.py", "gain: float = 0.5", "count: int = 3")
     assert strategy_named(own).gain == 0.5
     chosen = strategy_named(f"{own},gain=0.25,count=7")
     assert (chosen.gain, chosen.count) == (0.25, 7)
@@ -158,17 +162,8 @@ def test_options_follow_the_name_of_a_strategy_behind_commas(tmp_path):
 )
 def test_a_class_that_cannot_be_made_is_named(tmp_path, line, message):
     file = tmp_path / f"{tmp_path.name}.py"  # a module name of its own
-    file.write_text(
-        "from dataclasses import dataclass\n"
-        "from s2c2a.strategies import StrategyOptions\n"
-        "@dataclass(frozen=True)\n"
-        "class Own(StrategyOptions):\n"
-        "    def build(self, arm, recipe, trained, run):\n"
-        "        raise NotImplementedError\n"
-        f"    {line}\n"
-    )
     with pytest.raises(StrategyError, match=message):
-        strategy_named(f"{file}:Own")
+        strategy_named(own_strategy(file, line))
 
 
 def test_what_a_strategy_needs_is_asked_before_anything_is_made(monkeypatch):

@@ -44,6 +44,22 @@ def pcc(ideal):
     return pcc_strategy(ideal, PAPER)
 
 
+def towards(pcc, target):
+    """States, actions and plans of the ideal arm in 60 steps towards a target."""
+    robot = SimulatedRobot(pcc.arm)
+    reading = robot.open()
+    pcc.start(reading)
+    plans = [pcc.diagnostics()["planned"]]
+    states, actions = [], []
+    for _ in range(60):
+        actions.append(pcc.step(reading, Goal.of(3).with_position(target)))
+        robot.step(actions[-1])
+        reading = robot.read()
+        states.append(reading["states"])
+        plans.append(pcc.diagnostics()["planned"])
+    return np.array(states), np.array(actions), np.array(plans)
+
+
 def recorded(arm, cables, states, options=None) -> Recording:
     """A recording of these cables and states, shape (episodes, samples, ...)."""
     episodes = [
@@ -91,45 +107,23 @@ def test_pcc_follows_the_circle_on_an_arm_as_pcc_says(ideal, pcc):
     "target", [[5.0, 0.0, 0.0], [0.0, 0.0, 100.0], [0.0, 0.0, -3.0], [0.0, 0.0, 0.0]]
 )
 def test_an_unreachable_target_stays_finite_and_within_the_limits(ideal, pcc, target):
-    geometry, robot = ArmGeometry.of(ideal), SimulatedRobot(ideal)
-    reading = robot.open()
-    pcc.start(reading)
-    states = []
-    for _ in range(60):
-        action = pcc.step(reading, Goal.of(3).with_position(target))
-        assert np.all(
-            (action >= geometry.action_low - 1e-6)
-            & (action <= geometry.action_high + 1e-6)
-        )
-        robot.step(action)
-        reading = robot.read()
-        states.append(reading["states"])
+    geometry = ArmGeometry.of(ideal)
+    states, actions, plans = towards(pcc, target)
+    assert (actions >= geometry.action_low - 1e-6).all()
+    assert (actions <= geometry.action_high + 1e-6).all()
     assert np.isfinite(states).all()
-    assert (
-        np.linalg.norm(np.array(states)[..., :3], axis=-1).max() <= ideal.length * 1.01
-    )
-    np.testing.assert_allclose(
-        np.linalg.norm(pcc.diagnostics()["planned"], axis=-1), 1.0, atol=1e-4
-    )
-    assert np.all(
-        np.arccos(pcc.diagnostics()["planned"][:, 2]) <= geometry.bend_limits + 1e-3
-    )
+    assert np.linalg.norm(states[..., :3], axis=-1).max() <= ideal.length * 1.01
+    np.testing.assert_allclose(np.linalg.norm(plans[-1], axis=-1), 1.0, atol=1e-4)
+    assert (np.arccos(plans[-1, :, 2]) <= geometry.bend_limits + 1e-3).all()
 
 
 def test_a_target_out_of_reach_draws_the_arm_to_its_side_as_fast_as_the_arms_limit_and_no_faster(
     ideal, pcc
 ):
-    robot = SimulatedRobot(ideal)
-    reading = robot.open()
-    pcc.start(reading)
-    plans = [pcc.diagnostics()["planned"]]
-    for _ in range(60):
-        robot.step(pcc.step(reading, Goal.of(3).with_position([0.0, 5.0, 0.2])))
-        reading = robot.read()
-        plans.append(pcc.diagnostics()["planned"])
-    turns = angles_deg(np.array(plans[:-1]), np.array(plans[1:]))
+    states, _, plans = towards(pcc, [0.0, 5.0, 0.2])
+    turns = angles_deg(plans[:-1], plans[1:])
     assert 0.98 * ideal.step_limit_deg < turns.max() < 1.001 * ideal.step_limit_deg
-    tip = reading["states"][-1, :3]
+    tip = states[-1, -1, :3]
     assert tip[1] > 0.35
     assert abs(tip[0]) < 0.05
 

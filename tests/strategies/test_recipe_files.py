@@ -170,15 +170,20 @@ def test_a_recipe_based_on_another_takes_nothing_of_its_forward_model_where_that
     )
 
 
-FILES = ["solver", "terms", "guides"]
+BEST_PARTS = {
+    "solver": type(BEST.solver),
+    "terms": Evenness,
+    "guides": type(BEST.guides[0]),
+}
 
 
-@pytest.mark.parametrize("key", FILES)
-def test_code_beside_a_recipe_is_found_from_any_folder(key, tmp_path, monkeypatch):
+@pytest.mark.parametrize(("key", "base"), BEST_PARTS.items(), ids=BEST_PARTS)
+def test_code_beside_a_recipe_is_found_from_any_folder(
+    key, base, tmp_path, monkeypatch
+):
     """In every table of the planner that can name a component."""
     folder = tmp_path / "recipes"
     folder.mkdir()
-    base = BEST_PARTS[key]
     name = f"own_{key}_beside"
     (folder / f"{name}.py").write_text(
         "from dataclasses import dataclass\n"
@@ -194,16 +199,9 @@ def test_code_beside_a_recipe_is_found_from_any_folder(key, tmp_path, monkeypatc
 
 
 def test_every_table_of_the_planner_that_names_components_is_tried():
-    holding = [
+    holding = {
         field.name
         for field in fields(BEST)
         if isinstance(getattr(BEST, field.name), tuple | Component)
-    ]
-    assert sorted(holding) == sorted(FILES)
-
-
-BEST_PARTS = {
-    "solver": type(BEST.solver),
-    "terms": Evenness,
-    "guides": type(BEST.guides[0]),
-}
+    }
+    assert holding == BEST_PARTS.keys()

@@ -57,28 +57,59 @@ def short():
 
 @pytest.fixture(scope="module")
 def measured(networks, weights, short):
-    return measured_session(networks, weights, short)
+    return measured_session(networks, weights, short)[0]
+
+
+@pytest.fixture
+def improving(measured):
+    """The same, of a session that halves the error."""
+    errors = {"before": 0.02, "after": 0.01}
+    return measured.model_copy(update=errors | {"improves": True})
+
+
+@pytest.fixture(scope="module")
+def data(networks, short):
+    return training_data(short, networks.recipe)
+
+
+@pytest.fixture(scope="module")
+def none(networks):
+    return DayChange.none(networks.arm.module_count)
+
+
+@pytest.fixture
+def states_after(networks, data):
+    """States of the recording's arm after a change, with noise [m]."""
+
+    def states(change, noise):
+        model = SessionC2S.of(networks.c2s, change)
+        sensed = jnp.asarray(data.sensed[0], jnp.float32)
+        states = np.asarray(along_episode(model, sensed))
+        return states + np.random.default_rng(0).normal(scale=noise, size=states.shape)
+
+    return states
+
+
+def showing(short, states):
+    """The recording whose tracker shows other states."""
+    columns = short.episodes[0].columns | {"sensor.states": states}
+    return replace(short, episodes=(replace(short.episodes[0], columns=columns),))
 
 
 def test_a_session_is_read_as_it_was_written(measured, weights, tmp_path):
     path = tmp_path / "day.session.json"
-    save_session(measured[0], path)
-    assert load_session(path, weights) == measured[0]
+    save_session(measured, path)
+    assert load_session(path, weights) == measured
 
 
-def test_a_session_beside_the_weights_is_used_unless_it_is_left_out(
-    measured, weights, networks
-):
-    session = measured[0].model_copy(
-        update={"before": 0.02, "after": 0.01, "improves": True}
-    )
+def test_a_session_beside_the_weights_is_used_unless_it_is_left_out(improving, weights):
     path = session_path(weights)
-    save_session(session, path)
+    save_session(improving, path)
     try:
-        assert session_of(weights) == session
+        assert session_of(weights) == improving
         assert session_of(weights, "none") is None
         assert isinstance(networks_from(weights).c2s, SessionC2S)
-        assert "from 20.0 mm to 10.0 mm" in describe_use(session)
+        assert "from 20.0 mm to 10.0 mm" in describe_use(improving)
     finally:
         path.unlink()
     assert session_of(weights) is None
@@ -88,7 +119,7 @@ def test_a_session_beside_the_weights_is_used_unless_it_is_left_out(
 def test_a_session_of_other_weights_is_refused(measured, tmp_path, weights):
     other = tmp_path / "other.safetensors"
     other.write_bytes(weights.read_bytes() + b" ")
-    save_session(measured[0], session_path(other))
+    save_session(measured, session_path(other))
     with pytest.raises(StrategyError, match="measured with other weights"):
         session_of(other)
 
@@ -106,7 +137,7 @@ def test_a_session_of_other_weights_is_refused(measured, tmp_path, weights):
 )
 def test_a_damaged_session_is_refused(measured, weights, tmp_path, update):
     path = tmp_path / "damaged.session.json"
-    path.write_text(json.dumps(measured[0].model_dump(mode="json") | update))
+    path.write_text(json.dumps(measured.model_dump(mode="json") | update))
     with pytest.raises(StrategyError, match="session"):
         load_session(path, weights)
 
@@ -115,21 +146,21 @@ def test_a_session_of_an_older_version_says_how_to_make_it_anew(
     measured, weights, tmp_path
 ):
     path = tmp_path / "old.session.json"
-    older = measured[0].model_dump(mode="json") | {"format": 1, "gains": [1.0]}
+    older = measured.model_dump(mode="json") | {"format": 1, "gains": [1.0]}
     path.write_text(json.dumps(older))
     with pytest.raises(StrategyError, match="of another version"):
         load_session(path, weights)
 
 
 def test_a_session_of_another_number_of_modules_is_refused(measured, networks):
-    change = measured[0].change.model_copy(update={"softness": (0.0,)})
+    change = measured.change.model_copy(update={"softness": (0.0,)})
     update = {"change": change, "improves": True}
     with pytest.raises(StrategyError, match="modules"):
-        with_session(networks, measured[0].model_copy(update=update))
+        with_session(networks, measured.model_copy(update=update))
 
 
 def test_a_session_that_does_not_improve_is_not_used(measured, networks):
-    session = measured[0].model_copy(
+    session = measured.model_copy(
         update={"before": 0.01, "after": 0.01, "improves": False}
     )
     assert with_session(networks, session) is networks
@@ -137,16 +168,13 @@ def test_a_session_that_does_not_improve_is_not_used(measured, networks):
 
 
 def test_a_session_is_measured_against_the_networks_of_the_training_alone(
-    measured, weights, networks, short
+    improving, weights, networks, short
 ):
-    session = measured[0].model_copy(
-        update={"before": 0.02, "after": 0.01, "improves": True}
-    )
-    corrected = with_session(networks, session)
+    corrected = with_session(networks, improving)
     with pytest.raises(StrategyError, match="have a session already"):
         measured_session(corrected, weights, short)
     with pytest.raises(StrategyError, match="have a session already"):
-        with_session(corrected, session)
+        with_session(corrected, improving)
     before = weights.read_bytes()
     with pytest.raises(StrategyError, match="a file of its own"):
         save_networks(corrected, weights)
@@ -157,11 +185,8 @@ def test_a_session_is_measured_against_the_networks_of_the_training_alone(
 def test_a_tracker_that_repeats_one_pose_is_no_change_of_the_arm(
     networks, weights, short
 ):
-    still = dict(short.episodes[0].columns)
-    still["sensor.states"] = np.repeat(
-        still["sensor.states"][:1], len(still["time"]), axis=0
-    )
-    frozen = replace(short, episodes=(replace(short.episodes[0], columns=still),))
+    states = short.episodes[0].sensor("states")
+    frozen = showing(short, np.repeat(states[:1], len(states), axis=0))
     session, fit = measured_session(networks, weights, frozen)
     assert session.before > 0.2
     assert with_session(networks, session) is networks
@@ -171,10 +196,8 @@ def test_a_tracker_that_repeats_one_pose_is_no_change_of_the_arm(
 @pytest.mark.slow
 @pytest.mark.parametrize("part", ["slack", "softness"])
 def test_cables_and_stiffness_change_what_a_model_of_them_predicts(
-    networks, short, part
+    networks, data, none, part
 ):
-    data = training_data(short, networks.recipe)
-    none = DayChange.none(data.arm.module_count)
     loose = replace(none, **{part: jnp.full(data.arm.module_count, 0.2)})
     sensed = jnp.asarray(data.sensed[0, 20], jnp.float32)
     states = []
@@ -184,14 +207,12 @@ def test_cables_and_stiffness_change_what_a_model_of_them_predicts(
     assert np.linalg.norm(states[1][-1, :3] - states[0][-1, :3]) > 1e-3
 
 
-def test_a_session_finds_modules_that_have_become_softer(networks, short):
-    data = training_data(short, networks.recipe)
-    none = DayChange.none(data.arm.module_count)
+def test_a_session_finds_modules_that_have_become_softer(
+    networks, data, none, states_after
+):
     softer = replace(none, softness=jnp.asarray([0.2, 0.15, 0.1]))
-    model = SessionC2S.of(networks.c2s, softer)
-    states = np.asarray(along_episode(model, jnp.asarray(data.sensed[0], jnp.float32)))
-    noise = np.random.default_rng(0).normal(scale=5e-4, size=states.shape)
-    fit = fit_session(networks.c2s, replace(data, states=(states + noise)[None]))
+    states = states_after(softer, noise=5e-4)
+    fit = fit_session(networks.c2s, replace(data, states=states[None]))
     assert fit.improves
     found, std = (
         np.asarray(each.softness) for each in (fit.posterior.change, fit.posterior.std)
@@ -213,21 +234,22 @@ def test_a_session_finds_modules_that_have_become_softer(networks, short):
     ],
 )
 def test_the_better_of_earlier_new_and_no_session_is_used(
-    networks, weights, measured, short, turn, earlier_turn, is_kept, improves
+    networks,
+    weights,
+    measured,
+    short,
+    none,
+    states_after,
+    turn,
+    earlier_turn,
+    is_kept,
+    improves,
 ):
-    none = DayChange.none(networks.arm.module_count)
-
     def turned(angle):
         return replace(none, rotation=jnp.asarray([0.0, 0.0, angle]))
 
-    data = training_data(short, networks.recipe)
-    model = SessionC2S.of(networks.c2s, turned(turn))
-    states = np.asarray(along_episode(model, jnp.asarray(data.sensed[0], jnp.float32)))
-    noise = np.random.default_rng(0).normal(scale=2e-3, size=states.shape)
-    columns = dict(short.episodes[0].columns)
-    columns["sensor.states"] = states + noise
-    day = replace(short, episodes=(replace(short.episodes[0], columns=columns),))
-    earlier = measured[0].model_copy(
+    day = showing(short, states_after(turned(turn), noise=2e-3))
+    earlier = measured.model_copy(
         update={"change": Numbers.of(turned(earlier_turn)), "improves": True}
     )
     now = datetime(2026, 1, 6, tzinfo=UTC)
@@ -249,7 +271,7 @@ def test_the_better_of_earlier_new_and_no_session_is_used(
     ],
 )
 def test_an_earlier_session_that_proves_nothing_does_not_compete(
-    networks, weights, short, monkeypatch, of
+    networks, weights, short, none, monkeypatch, of
 ):
     now = datetime(2026, 1, 6, tzinfo=UTC)
     change = Numbers.of(DayChange.none(of.pop("modules", networks.arm.module_count)))
@@ -264,7 +286,6 @@ def test_an_earlier_session_that_proves_nothing_does_not_compete(
 
     def fitted(model, data, earlier):
         given.append(earlier)
-        none = DayChange.none(networks.arm.module_count)
         return SimpleNamespace(change=none, before=0.01, after=0.01, improves=False)
 
     monkeypatch.setattr("s2c2a.strategies.session.fit_session", fitted)
@@ -272,15 +293,10 @@ def test_an_earlier_session_that_proves_nothing_does_not_compete(
     assert given == [None]
 
 
-def test_a_plan_near_a_configuration_keeps_the_session(networks, short):
-    sensed = jnp.asarray(
-        training_data(short, networks.recipe).sensed[0, 20], jnp.float32
-    )
-    change = replace(
-        DayChange.none(networks.arm.module_count),
-        translation=jnp.full(3, 0.01),
-        slack=jnp.full(networks.arm.module_count, 0.02),
-    )
+def test_a_plan_near_a_configuration_keeps_the_session(networks, data, none):
+    sensed = jnp.asarray(data.sensed[0, 20], jnp.float32)
+    moved = jnp.full(3, 0.01)
+    change = replace(none, translation=moved, slack=jnp.full_like(none.slack, 0.02))
     model = SessionC2S.of(networks.c2s, change)
     memory = model.start(sensed)
     near = model.near(sensed, memory).for_planning()
@@ -292,5 +308,5 @@ def test_a_plan_near_a_configuration_keeps_the_session(networks, short):
 @pytest.mark.slow
 def test_runs_with_and_without_a_session_are_kept_apart(measured, weights, networks):
     plain = GivenNetworks.read(weights, networks.arm)
-    other = GivenNetworks.read(weights, networks.arm, session=measured[0])
+    other = GivenNetworks.read(weights, networks.arm, session=measured)
     assert plain.file != other.file
