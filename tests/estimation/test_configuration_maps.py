@@ -1,5 +1,4 @@
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -11,8 +10,6 @@ from s2c2a.errors import ReadingError, S2C2AError
 from s2c2a.estimation import (
     PAPER_COUPLING,
     CoupledMap,
-    EncoderMap,
-    TrueConfigurationMap,
     UnitLengthMap,
     configuration_map_for,
 )
@@ -66,14 +63,6 @@ def test_encoders_tell_configurations_by_equations_2_and_3(pairs):
 def test_encoders_at_zero_tell_a_straight_arm_exactly():
     sensed = configuration_map_for(TWIN)({"cables": np.zeros((3, 3), np.float32)})
     np.testing.assert_array_equal(sensed, np.tile([0, 0, 1], (3, 1)))
-
-
-def test_encoders_do_not_look_at_the_truth():
-    cables = np.full((3, 3), 0.001, np.float32)
-    estimate = configuration_map_for(TWIN)
-    assert estimate.sensors == ("cables",)
-    with_truth = estimate({"cables": cables, "configurations": unit_vectors(0, (3,))})
-    np.testing.assert_array_equal(with_truth, estimate({"cables": cables}))
 
 
 def test_the_true_estimator_hands_on_the_truth_whatever_the_cables_say():
@@ -169,21 +158,6 @@ def test_an_estimator_that_goes_round_another_one_is_not_made_from_an_arm_alone(
         kind.of(TWIN)
 
 
-def test_an_arm_file_chooses_its_estimator():
-    assert isinstance(configuration_map_for(TWIN), EncoderMap)
-    assert isinstance(configuration_map_for(SIMULATED), TrueConfigurationMap)
-    assert isinstance(
-        configuration_map_for(under(SIMULATED, PAPER_COUPLING)), CoupledMap
-    )
-
-
-def test_the_coupling_is_equation_11():
-    np.testing.assert_array_equal(
-        PAPER_COUPLING, [[0.85, 0.10, 0.05], [0.20, 0.70, 0.10], [0.15, 0.30, 0.55]]
-    )
-    np.testing.assert_allclose(np.sum(PAPER_COUPLING, axis=1), 1.0)
-
-
 def test_coupled_sensors_mix_modules_as_worked_by_hand():
     truth = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
     sensed = configuration_map_for(under(SIMULATED, PAPER_COUPLING))(
@@ -202,14 +176,6 @@ def test_coupled_encoders_mix_what_the_encoders_say():
     mixed = configuration_map_for(under(TWIN, PAPER_COUPLING))({"cables": cables})
     by_hand = [sum(PAPER_COUPLING[i][j] * alone[j] for j in range(3)) for i in range(3)]
     np.testing.assert_allclose(mixed, by_hand, atol=1e-6)
-
-
-def test_coupled_vectors_are_shorter_than_one_unless_all_modules_are_alike():
-    estimate = configuration_map_for(under(SIMULATED, PAPER_COUPLING))
-    apart = estimate({"configurations": np.eye(3)})
-    alike = estimate({"configurations": np.tile([0.0, 0.6, 0.8], (3, 1))})
-    assert float(jnp.linalg.norm(apart, axis=-1).max()) < 0.9
-    np.testing.assert_allclose(jnp.linalg.norm(alike, axis=-1), 1.0, atol=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -24,8 +24,8 @@ PAYLOAD = 0.05
 MISSING = {"configurations": np.full((3, 3), np.nan, np.float32)}
 
 
-def filter_of(settings=EstimationSettings()):  # noqa: B008  # frozen
-    networks = replace(shipped_networks(ARM), arm=ARM)
+def filter_of(arm=ARM, settings=EstimationSettings()):  # noqa: B008  # frozen
+    networks = replace(shipped_networks(arm), arm=arm)
     return estimator_of(networks, settings).filter
 
 
@@ -37,10 +37,7 @@ def disturbance_filter():
 @pytest.fixture(scope="module")
 def camera():
     """Filter of an arm that a camera alone sees."""
-    arm = ARM.model_copy(update={"sensors": Sensors(camera=Camera())})
-    return estimator_of(
-        replace(shipped_networks(arm), arm=arm), EstimationSettings()
-    ).filter
+    return filter_of(ARM.model_copy(update={"sensors": Sensors(camera=Camera())}))
 
 
 @pytest.fixture(scope="module")
@@ -51,6 +48,20 @@ def update(disturbance_filter):
 @pytest.fixture(scope="module")
 def update_camera(camera):
     return eqx.filter_jit(camera.update)
+
+
+@pytest.fixture(scope="module")
+def ends(camera):
+    """Pictures of the arm without payload; `ends(shift)` moves them up [m]."""
+    _, states = start_and_states(camera, jnp.asarray(0.0))
+
+    def shown(shift=0.0):
+        positions = np.array(states[:, POSITION], np.float32)
+        positions[:-1] = np.nan
+        positions[:, 2] += shift  # upwards, which no payload explains
+        return {"camera_positions": positions, "camera_age": np.float32(0.0)}
+
+    return shown
 
 
 @eqx.filter_jit
@@ -133,7 +144,7 @@ def test_another_payload_is_not_taken_for_an_outlier(disturbance_filter, update)
 @pytest.mark.slow
 def test_without_estimation_the_payload_stays_as_stated():
     settings = EstimationSettings(0.03, disturbance_estimation=False)
-    fixed = filter_of(settings)
+    fixed = filter_of(settings=settings)
     state = start(fixed, 0.03)
     measured = measured_at(fixed, 0.1)
     state = after(eqx.filter_jit(fixed.update), state, measured, 10)
@@ -164,9 +175,8 @@ def test_an_update_keeps_the_types_of_the_state_so_that_the_next_one_compiles_no
 
 @pytest.mark.slow
 def test_a_jump_within_the_physical_range_is_rejected_until_it_lasts(
-    camera, update_camera
+    camera, update_camera, ends
 ):
-    ends = shown_ends(camera)
     state = after(update_camera, start(camera), ends(), 60)
     assert not camera.unused(state)["camera"]
     shifted = ends(-0.15 * ARM.length)
@@ -178,17 +188,16 @@ def test_a_jump_within_the_physical_range_is_rejected_until_it_lasts(
 
 
 @pytest.mark.slow
-def test_a_camera_is_believed_again_after_a_jump(camera, update_camera):
-    ends = shown_ends(camera)
+def test_a_camera_is_believed_again_after_a_jump(camera, update_camera, ends):
     state = after(update_camera, start(camera), ends(), 60)
     lasting = after(update_camera, state, ends(-0.1 * ARM.length), 60)
     repaired = after(update_camera, lasting, ends(), 100)
     assert not camera.unused(repaired)["camera"]
 
 
-def test_an_end_that_no_arm_reaches_is_not_used(camera, update_camera):
-    state = after(update_camera, start(camera), shown_ends(camera)(), 10)
-    beyond = shown_ends(camera)(2.0 * ARM.length)
+def test_an_end_that_no_arm_reaches_is_not_used(camera, update_camera, ends):
+    state = after(update_camera, start(camera), ends(), 10)
+    beyond = ends(2.0 * ARM.length)
     later = after(update_camera, state, beyond, 5)
     assert float(later.histories[0].unseen_for) > 0.0
 
@@ -204,9 +213,7 @@ def test_bends_of_exchanged_modules_are_rejected_at_once(disturbance_filter, upd
 @pytest.mark.slow
 def test_currents_of_cables_that_push_are_rejected():
     motor = ARM.motor.model_copy(update={"current_noise": 0.15})
-    arm = ARM.model_copy(update={"sensors": Sensors(), "motor": motor})
-    networks = replace(shipped_networks(arm), arm=arm)
-    current = estimator_of(networks, EstimationSettings()).filter
+    current = filter_of(ARM.model_copy(update={"sensors": Sensors(), "motor": motor}))
     update = eqx.filter_jit(current.update)
     state = start(current)
     tensions = eqx.filter_jit(current.model.tensions)(
@@ -219,8 +226,7 @@ def test_currents_of_cables_that_push_are_rejected():
 
 
 @pytest.mark.slow
-def test_a_silent_sensor_is_unused(camera, update_camera):
-    ends = shown_ends(camera)
+def test_a_silent_sensor_is_unused(camera, update_camera, ends):
     state = after(update_camera, start(camera), ends(), 20)
     unseen = camera.sensors[0].missing()
     silence = round(camera.sensors[0].max_silence / ARM.control_period)
@@ -230,23 +236,11 @@ def test_a_silent_sensor_is_unused(camera, update_camera):
     assert not camera.unused(after(update_camera, silent, ends(), 1))["camera"]
 
 
-def shown_ends(disturbance_filter):
-    """Pictures of the arm without payload; `ends(shift)` moves them up [m]."""
-    _, states = start_and_states(disturbance_filter, jnp.asarray(0.0))
-
-    def ends(shift=0.0):
-        positions = np.array(states[:, POSITION], np.float32)
-        positions[:-1] = np.nan
-        positions[:, 2] += shift  # upwards, which no payload explains
-        return {"camera_positions": positions, "camera_age": np.float32(0.0)}
-
-    return ends
-
-
 @pytest.mark.slow
-def test_a_camera_teaches_biases_that_last_while_it_sees_nothing(camera, update_camera):
+def test_a_camera_teaches_biases_that_last_while_it_sees_nothing(
+    camera, update_camera, ends
+):
     """The walk of the biases fades within seconds, what was learned does not."""
-    ends = shown_ends(camera)
     unseen = {name: np.full_like(value, np.nan) for name, value in ends().items()}
     shift = -0.02  # downwards, less than a jump
     state = after(update_camera, start(camera), ends(shift), 100)
@@ -259,8 +253,9 @@ def test_a_camera_teaches_biases_that_last_while_it_sees_nothing(camera, update_
 
 
 @pytest.mark.slow
-def test_rejected_pictures_and_those_after_a_jump_teach_nothing(camera, update_camera):
-    ends = shown_ends(camera)
+def test_rejected_pictures_and_those_after_a_jump_teach_nothing(
+    camera, update_camera, ends
+):
     state = after(update_camera, start(camera), ends(), 60)
     lasting = after(update_camera, state, ends(0.2 * ARM.length), 200)
     assert np.abs(lasting.expected_biases).max() < 0.01

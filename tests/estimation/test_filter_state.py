@@ -1,6 +1,5 @@
 """Names of the filter's state and their places in vectors and matrices."""
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -14,24 +13,6 @@ STATE = ArmState(
     bend_rates=20.0 + jnp.arange(4.0),
     sensor_biases=30.0 + jnp.arange(5.0),
 )
-
-
-def test_a_state_is_the_same_after_packing_and_unpacking():
-    again = ORDER.unpacked(STATE.packed())
-    for before, after in zip(STATE, again, strict=True):
-        np.testing.assert_array_equal(before, after)
-    assert jax.tree.structure(again) == jax.tree.structure(STATE)
-
-
-def test_every_place_holds_the_part_of_its_name():
-    vector = STATE.packed()
-    assert len(vector) == ORDER.size
-    np.testing.assert_array_equal(vector[ORDER.payload], [1.0])
-    np.testing.assert_array_equal(vector[ORDER.bend_biases], STATE.bend_biases)
-    np.testing.assert_array_equal(vector[ORDER.bends], STATE.bends)
-    np.testing.assert_array_equal(vector[ORDER.bend_rates], STATE.bend_rates)
-    both = jnp.concatenate([STATE.bends, STATE.bend_rates])
-    np.testing.assert_array_equal(vector[ORDER.vibration], both)
 
 
 def test_biases_of_a_sensor_follow_those_of_the_sensors_before_it():

@@ -55,14 +55,20 @@ def test_vibration_decays_to_the_equilibrium():
     np.testing.assert_allclose(state, np.r_[equilibrium, np.zeros(6)], atol=1e-6)
 
 
+EQUILIBRIA = np.random.default_rng(0).normal(0, 0.1, (3, 20, 6)).repeat(10, axis=1)
+SHAPE = (3, 200, 3, 2)
+
+
+def simulated(equilibria, stiffness=1.0, damping=1.0) -> np.ndarray:
+    """Bends of the linearized arm with such factors."""
+    factors = ModalFactors(jnp.asarray(stiffness), jnp.asarray(damping))
+    return simulate(modal_step(LinearizedArm.of(TWIN), factors, PERIOD), equilibria)
+
+
 def test_factors_are_identified_again_from_a_simulation():
-    true = ModalFactors(jnp.asarray(0.7), jnp.asarray(1.2))
-    equilibria = np.random.default_rng(0).normal(0, 0.1, (3, 20, 6))
-    equilibria = np.repeat(equilibria, 10, axis=1)
-    bends = simulate(modal_step(LinearizedArm.of(TWIN), true, PERIOD), equilibria)
-    shape = (3, 200, 3, 2)
+    bends = simulated(EQUILIBRIA, 0.7, 1.2)
     factors, without, remaining = identify_modal_factors(
-        TWIN, equilibria.reshape(shape), bends.reshape(shape)
+        TWIN, EQUILIBRIA.reshape(SHAPE), bends.reshape(SHAPE)
     )
     assert float(factors.stiffness) == pytest.approx(0.7, rel=0.05)
     assert float(factors.damping) == pytest.approx(1.2, rel=0.1)
@@ -71,19 +77,13 @@ def test_factors_are_identified_again_from_a_simulation():
 
 def test_factors_fit_best_also_where_the_model_knows_the_vibration_already():
     """The filter simulates vibration in any case: nominal factors would be worse."""
-    true = ModalFactors(jnp.asarray(1.3), jnp.asarray(1.2))
-    equilibria = np.repeat(
-        np.random.default_rng(0).normal(0, 0.1, (3, 20, 6)), 10, axis=1
-    )
-    arm = LinearizedArm.of(TWIN)
-    bends = simulate(modal_step(arm, true, PERIOD), equilibria)
-    shape = (3, 200, 3, 2)
+    bends = simulated(EQUILIBRIA, 1.3, 1.2)
     factors, without, remaining = identify_modal_factors(
-        TWIN, bends.reshape(shape), bends.reshape(shape)
+        TWIN, bends.reshape(SHAPE), bends.reshape(SHAPE)
     )
     assert remaining > without
-    twice = simulate(modal_step(arm, ModalFactors.nominal(), PERIOD), bends)
-    best = simulate(modal_step(arm, factors, PERIOD), bends)
+    twice = simulated(bends)
+    best = simulated(bends, factors.stiffness, factors.damping)
     assert np.abs(best - bends).mean() < 0.8 * np.abs(twice - bends).mean()
 
 

@@ -20,20 +20,16 @@ def make_episode(**columns):
     return Episode(load_arm("twin_arm"), steps | estimates | columns)
 
 
-def test_a_run_is_described_by_payload_largest_bend_bias_force_and_rejected_sensors():
-    rejected = {
-        "rejected.imu": np.array([0.0, 1.0, 1.0, 0.0]),
-        "rejected.flex": np.zeros(4),
-    }
-    assert describe_estimates(make_episode(**rejected)) == (
-        "payload 52 g, largest bend bias 1.5 deg (external force 0.3 N); "
-        "rejected: imu 50 % of the steps"
-    )
-
-
-def test_a_run_without_rejected_sensors_is_described_by_its_estimates_alone():
-    text = describe_estimates(make_episode(**{"rejected.imu": np.zeros(4)}))
-    assert text == "payload 52 g, largest bend bias 1.5 deg (external force 0.3 N)"
+@pytest.mark.parametrize(
+    ("imu", "ending"),
+    [([0, 1, 1, 0], "; rejected: imu 50 % of the steps"), ([0, 0, 0, 0], "")],
+)
+def test_a_run_is_described_by_payload_largest_bend_bias_force_and_rejected_sensors(
+    imu, ending
+):
+    rejected = {"rejected.imu": np.array(imu, float), "rejected.flex": np.zeros(4)}
+    text = "payload 52 g, largest bend bias 1.5 deg (external force 0.3 N)"
+    assert describe_estimates(make_episode(**rejected)) == text + ending
 
 
 def test_a_run_without_an_estimator_has_no_description():

@@ -10,7 +10,6 @@ from s2c2a.evaluation.metrics import (
     azimuth_errors_deg,
     clearances,
     orientation_errors_deg,
-    recovery_time,
     step_lengths,
     tilt_errors_deg,
     tip_drifts,
@@ -96,31 +95,10 @@ def test_orientation_errors_are_angles_between_axes():
     )
 
 
-def test_clearance_is_the_distance_to_the_center_less_the_threshold():
-    """3-4-5 triangles: outside of an obstacle, at its edge, and reachable."""
-    points = np.array([[0.03, 0.04, 0.5], [0.06, 0.08, 0.5], [0.0, 0.0, 0.47]])
-    obstacles = np.array(
-        [[[0, 0, 0.5, 0.02]], [[0, 0, 0.5, 0.10]], [[0, 0, 0.5, 0.10]]]
-    )
-    np.testing.assert_allclose(
-        clearances(points, obstacles), [3.0, 0.0, -7.0], atol=1e-12
-    )
-
-
 def test_the_nearest_pair_of_point_and_obstacle_counts_in_every_step():
     points = np.array([[[0, 0, 0.2], [0, 0, 0.6]], [[0, 0, 0.2], [0.2, 0, 0.5]]])
     obstacles = np.tile([[0, 0, 0.9, 0.1], [0.3, 0, 0.5, 0.05]], (2, 1, 1))
     np.testing.assert_allclose(clearances(points, obstacles), [20.0, 5.0], atol=1e-12)
-
-
-def test_an_obstacle_with_a_threshold_of_zero_is_absent():
-    """Unused entries of a goal are at the base."""
-    obstacles = np.array(
-        [[[0, 0, 0, 0], [0.3, 0, 0, 0.1]], [[0, 0, 0, 0], [0, 0, 0, 0]]]
-    )
-    np.testing.assert_allclose(
-        clearances(np.zeros((2, 3)), obstacles), [20.0, np.inf], atol=1e-12
-    )
 
 
 def test_a_tip_that_was_lost_for_a_step_lengthens_no_path():
@@ -133,56 +111,15 @@ def test_a_run_without_a_tip_has_no_score(name):
     assert np.isnan(METRICS[name].aggregate(np.full(3, np.nan)))
 
 
-def drifts_of(heights, distances):
-    """Drifts of a tip on the z axis beside one obstacle with a threshold of 0.1 m."""
-    tips = np.stack([np.zeros(len(heights)), np.zeros(len(heights)), heights], axis=-1)
-    obstacles = np.array(
-        [
-            [[distance, 0, height, 0.1]]
-            for distance, height in zip(distances, heights, strict=True)
-        ]
-    )
-    return tip_drifts(tips, obstacles, 0.08)
-
-
 def test_an_obstacle_with_more_than_eight_centimeters_of_clearance_is_far():
-    assert np.isnan(drifts_of([0.6] * 4, [0.19, 0.181, 0.179, 0.10])).tolist() == [
-        False,
-        False,
-        True,
-        True,
-    ]
+    obstacles = [[[distance, 0, 0, 0.1]] for distance in (0.19, 0.181, 0.179, 0.10)]
+    drifts = tip_drifts(np.zeros((4, 3)), np.array(obstacles), 0.08)
+    assert np.isnan(drifts).tolist() == [False, False, True, True]
 
 
 def test_every_obstacle_must_be_far():
     obstacles = np.array([[[0.3, 0, 0, 0.1], [0, 0.15, 0, 0.1]]])
     assert np.isnan(tip_drifts(np.zeros((1, 3)), obstacles, 0.08)).all()
-
-
-NEAR = {"near": 3.0, "period": 0.1}
-REACHABLE = np.array([True, True, False, False, True, True, True, True])
-
-
-def test_an_error_that_gets_large_again_prolongs_recovery():
-    errors = np.array([1.0, 1.0, 9.0, 9.0, 2.0, 2.0, 4.0, 1.0])
-    assert recovery_time(errors, REACHABLE, **NEAR) == pytest.approx(0.3)
-
-
-def test_recovery_takes_no_time_if_the_arm_waits_at_the_re_entry():
-    assert recovery_time(np.full(8, 2.9), REACHABLE, **NEAR) == 0.0
-
-
-@pytest.mark.parametrize(
-    "reachable", [np.ones(8, bool), np.zeros(8, bool), np.arange(8) < 5]
-)
-def test_recovery_is_nan_if_the_target_never_re_enters(reachable):
-    assert np.isnan(recovery_time(np.zeros(8), reachable, **NEAR))
-
-
-def test_the_last_of_several_re_entries_counts():
-    reachable = np.array([True, False, True, True, False, True, True, True])
-    errors = np.array([1.0, 9.0, 9.0, 9.0, 9.0, 9.0, 1.0, 1.0])
-    assert recovery_time(errors, reachable, near=3.0, period=0.5) == pytest.approx(0.5)
 
 
 def test_distances_from_a_curve_are_from_its_nearest_point():

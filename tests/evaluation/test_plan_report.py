@@ -36,6 +36,14 @@ def make_episode(**columns):
             "the planner stood still short of its goal in 1 of 4 steps, "
             "the planner came no nearer to its goal in 2 of 4 steps",
         ),
+        (
+            {"outcome": np.array([0, Outcome.MOVING, *[Outcome.OVERLOADED] * 2])},
+            "the planner found the arm overloaded in 2 of 4 steps",
+        ),
+        (
+            {"outcome": np.array([0, Outcome.PASSING, Outcome.PASSING, 0])},
+            "an obstacle on the path of the target kept the tip off in 2 of 4 steps",
+        ),
     ],
 )
 def test_steps_are_counted_by_outcome(columns, text):
@@ -66,20 +74,6 @@ def test_plans_that_the_step_limit_holds_back_are_counted(tip, text):
     )
 
 
-def test_an_overloaded_arm_is_named():
-    outcome = np.array([0, Outcome.MOVING, Outcome.OVERLOADED, Outcome.OVERLOADED])
-    assert describe_plans(make_episode(outcome=outcome)) == (
-        "the planner found the arm overloaded in 2 of 4 steps"
-    )
-
-
-def test_an_obstacle_that_keeps_the_tip_off_is_named():
-    outcome = np.array([0, Outcome.PASSING, Outcome.PASSING, 0])
-    assert describe_plans(make_episode(outcome=outcome)) == (
-        "an obstacle on the path of the target kept the tip off in 2 of 4 steps"
-    )
-
-
 def test_faults_of_readings_are_reported_with_the_steps_in_which_the_arm_was_held():
     episode = make_episode(stage=np.array([2, 3, 3, 2], np.int8))
     assert describe_faults(episode) == ""
@@ -94,12 +88,9 @@ def test_untracked_module_ends_are_reported():
     states = np.zeros((4, 3, 6))
     assert describe_tracking(make_episode(**{"sensor.states": states})) == ""
     states[:2, 1] = np.nan
-    assert describe_tracking(make_episode(**{"sensor.states": states})) == (
-        "ends not tracked: module 2 in 50 % of the steps"
-    )
-    assert describe_lost_states(states[None]) == (
-        "ends not tracked: module 2 in 50 % of the steps"
-    )
+    lost = "ends not tracked: module 2 in 50 % of the steps"
+    assert describe_tracking(make_episode(**{"sensor.states": states})) == lost
+    assert describe_lost_states(states[None]) == lost
     assert "add --tracking" in describe_tracking(make_episode())
 
 
@@ -107,11 +98,11 @@ def test_a_jump_of_all_module_ends_is_reported():
     states = np.random.default_rng(0).normal(0, 1e-4, (40, 3, 6))
     states += [[0, 0, height, 0, 0, 1] for height in (0.2, 0.4, 0.6)]
     columns = {"time": 0.1 * np.arange(40.0), "actions": np.zeros((40, 3, 3))}
-    still = Episode(TWIN, columns | {"sensor.states": states})
+    still = make_episode(**columns, **{"sensor.states": states})
     assert describe_tracking(still) == ""
     states = states.copy()
     states[25:, :, 0] += 0.0058
-    knocked = Episode(TWIN, columns | {"sensor.states": states})
+    knocked = make_episode(**columns, **{"sensor.states": states})
     text = describe_tracking(knocked)
     assert text.startswith("step 26 (2.5 s): all tracked ends jump by 5.")
     assert "episode 2, step 26" in describe_jumps_of_frame([still, knocked])

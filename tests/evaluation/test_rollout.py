@@ -58,6 +58,12 @@ class Counter(Robot):
         self.closed += 1
 
 
+def turns_deg(robot, actions) -> np.ndarray:
+    """Turns of the motors between actions [deg]."""
+    moved = np.abs(np.diff(actions, axis=0)) / robot.geometry.cable_radii[:, None]
+    return np.rad2deg(moved)
+
+
 class Script:
     """Strategy whose actions grow steadily, then by far too much; it records inputs."""
 
@@ -176,10 +182,7 @@ def test_actions_are_the_sent_ones_within_the_step_limit(run, robot, script, twi
     np.testing.assert_allclose(
         run.ran("actions")[:4], [share * high for share in (0.05, 0.1, 0.15, 0.2)]
     )
-    turns = np.rad2deg(
-        np.abs(np.diff(robot.sent, axis=0, prepend=0))
-        / robot.geometry.cable_radii[:, None]
-    )
+    turns = turns_deg(robot, [robot.geometry.action_neutral, *robot.sent])
     assert turns.max() == pytest.approx(twin.step_limit_deg)
     np.testing.assert_array_equal(script.limited, [run.ran("actions")[4]])
 
@@ -191,13 +194,8 @@ def test_the_return_to_rest_is_in_the_episode_within_the_step_limit(run, robot, 
     np.testing.assert_allclose(
         actions_to_rest[-1], robot.geometry.action_neutral, atol=1e-15
     )
-    turns = np.rad2deg(
-        np.abs(np.diff(actions_to_rest, axis=0)) / robot.geometry.cable_radii[:, None]
-    )
-    assert turns.max() <= twin.step_limit_deg + 1e-9
-    bent = np.rad2deg(
-        np.abs(actions_to_rest[0] / robot.geometry.cable_radii[:, None]).max()
-    )
+    assert turns_deg(robot, actions_to_rest).max() <= twin.step_limit_deg + 1e-9
+    bent = turns_deg(robot, actions_to_rest[[0, -1]]).max()
     assert len(actions_to_rest) - 1 == np.ceil(bent / twin.step_limit_deg) + 1
     assert list(run["stage"]) == [Stage.RUN] * STEPS + [Stage.RELEASE] * (
         len(actions_to_rest) - 2
@@ -213,16 +211,6 @@ def test_a_task_that_ends_at_rest_has_a_reading_after_its_last_action(
     run = rollout(robot, script, task, on_step=steps.append)
     assert len(steps) == len(run)
     assert len(run.after("states")) == 3
-
-
-def test_progress_counts_the_steps(robot, script, task):
-    calls = []
-
-    def progress(done, total):
-        calls.append((done, total))
-
-    rollout(robot, script, task, progress)
-    assert calls == [(step, STEPS) for step in range(1, STEPS + 1)]
 
 
 def test_a_run_without_true_states_is_recorded_and_cannot_be_scored(
@@ -266,10 +254,7 @@ def test_a_sensor_that_fails_for_long_ends_the_run_with_the_arm_at_rest(robot, s
     np.testing.assert_allclose(
         robot.sent[-1], robot.geometry.action_neutral, atol=1e-15
     )
-    turns = np.rad2deg(
-        np.abs(np.diff(robot.sent, axis=0)) / robot.geometry.cable_radii[:, None]
-    )
-    assert turns.max() <= robot.arm.step_limit_deg + 1e-9
+    assert turns_deg(robot, robot.sent).max() <= robot.arm.step_limit_deg + 1e-9
     assert robot.closed == 1
 
 
@@ -304,15 +289,17 @@ def test_a_tension_arm_returns_to_its_pretension(simulated):
 
 
 def test_an_interrupted_run_hands_over_its_steps(robot, script, task):
-    kept = []
+    kept, told = [], []
 
     def fail(done, total):
+        told.append((done, total))
         if done == 3:
             raise S2C2AError("no power")
 
     with pytest.raises(S2C2AError, match="no power"):
         rollout(robot, script, task, fail, keep=kept.append)
     (episode,) = kept
+    assert told == [(1, STEPS), (2, STEPS), (3, STEPS)]
     assert len(episode.columns["time"]) == 3
     assert episode.options["interrupted"] == "no power"
 
@@ -349,14 +336,10 @@ class RealCounter(Counter):
 
 
 @pytest.fixture
-def make_counting(twin, task):
-    """Function that makes a robot in real time, a strategy, a task and a clock."""
-
-    def make():
-        clock = Sleeper()
-        return RealCounter(twin, clock), Script(twin), task, clock
-
-    return make
+def counting(twin, task):
+    """A robot in real time, a strategy, a task and a clock."""
+    clock = Sleeper()
+    return RealCounter(twin, clock), Script(twin), task, clock
 
 
 @pytest.fixture
@@ -366,8 +349,8 @@ def operator():
     OPERATOR.attends = False
 
 
-def test_without_an_operator_a_run_ends_at_rest_after_a_standstill(make_counting):
-    robot, strategy, task, clock = make_counting()
+def test_without_an_operator_a_run_ends_at_rest_after_a_standstill(counting):
+    robot, strategy, task, clock = counting
     with pytest.raises(
         S2C2AError, match=r"stood still for 600\.\d s; the arm was moved"
     ):
@@ -375,8 +358,8 @@ def test_without_an_operator_a_run_ends_at_rest_after_a_standstill(make_counting
     assert robot.closed
 
 
-def test_an_operator_who_agrees_lets_a_run_go_on(make_counting, operator, monkeypatch):
-    robot, strategy, task, clock = make_counting()
+def test_an_operator_who_agrees_lets_a_run_go_on(counting, operator, monkeypatch):
+    robot, strategy, task, clock = counting
     operator.attends = True
     monkeypatch.setattr(operator, "ask", lambda text: setattr(operator, "agrees", True))
     episode = rollout(robot, strategy, task, clock=clock)
@@ -386,8 +369,8 @@ def test_an_operator_who_agrees_lets_a_run_go_on(make_counting, operator, monkey
     assert "stood still for 600" in str(episode.options["faults"])
 
 
-def test_an_operator_who_does_not_answer_ends_a_run_at_rest(make_counting, operator):
-    robot, strategy, task, clock = make_counting()
+def test_an_operator_who_does_not_answer_ends_a_run_at_rest(counting, operator):
+    robot, strategy, task, clock = counting
     operator.attends = True
     with pytest.raises(S2C2AError, match="stood still"):
         rollout(robot, strategy, task, clock=clock)

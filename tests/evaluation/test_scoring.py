@@ -75,12 +75,8 @@ def test_position_is_the_mean_distance_over_all_steps():
 
 
 def test_steps_that_do_not_count_are_nan_and_not_in_the_mean():
-    result = score(
-        make_run(
-            *off_by([3, 1, 2, 6]),
-            [Score("position", steps=np.array([False, True, True, False]))],
-        )
-    )
+    counting = Score("position", steps=np.array([False, True, True, False]))
+    result = score(make_run(*off_by([3, 1, 2, 6]), [counting]))
     np.testing.assert_allclose(result.values, [np.nan, 1, 2, np.nan], rtol=1e-6)
     assert result.value == pytest.approx(1.5)
 
@@ -216,35 +212,33 @@ def test_stillness_is_the_largest_drift_of_the_tip_while_the_obstacle_is_far():
     assert result.value == pytest.approx(0.6)
 
 
-REACHABLE = np.array([True, False, False, True, True, True])
+LATER = [True, False, False, True, True, True]
 
 
-def recovery(errors, reachable, period=0.1):
-    return score(
-        make_run(*off_by(errors), [Score("recovery", steps=reachable)], period=period)
-    )
-
-
-def test_recovery_lasts_from_re_entry_until_the_error_stays_below_3_cm():
-    result = recovery([1, 9, 9, 9, 3.1, 2.9], REACHABLE)
-    assert result.value == pytest.approx(0.2)
-    np.testing.assert_allclose(result.values, [np.nan] * 5 + [0.2])
+@pytest.mark.parametrize(
+    ("errors", "reachable", "period", "expected"),
+    [
+        ([1, 9, 9, 9, 3.1, 2.9], LATER, 0.1, 0.2),
+        ([1, 9, 9, 9, 3.1, 2.9], LATER, 0.05, 0.1),
+        ([1, 9, 9, 2, 4, 1], LATER, 0.1, 0.2),
+        ([9, 9, 9, 2.9, 2.9, 2.9], LATER, 0.1, 0.0),
+        ([1, 9, 9, 9, 9, 1], [True, False, True, False, True, True], 0.1, 0.1),
+        ([1, 9, 9, 9, 1, 3.1], LATER, 0.1, np.inf),
+        ([9] * 6, [True] * 6, 0.1, np.nan),
+        ([0] * 6, [False] * 6, 0.1, np.nan),
+        ([0] * 6, [True] * 4 + [False] * 2, 0.1, np.nan),
+        ([9] * 6, None, 0.1, np.nan),
+    ],
+)
+def test_recovery_lasts_from_the_last_re_entry_until_the_error_stays_below_3_cm(
+    errors, reachable, period, expected
+):
+    steps = None if reachable is None else np.array(reachable)
+    scores = [Score("recovery", steps=steps)]
+    result = score(make_run(*off_by(errors), scores, period=period))
+    assert result.value == pytest.approx(expected, nan_ok=True)
+    np.testing.assert_allclose(result.values, [np.nan] * 5 + [expected])
     assert not result.averaged
-
-
-def test_recovery_is_in_seconds_at_any_control_rate():
-    assert recovery(
-        [1, 9, 9, 9, 3.1, 2.9], REACHABLE, period=0.05
-    ).value == pytest.approx(0.1)
-
-
-def test_recovery_of_an_arm_that_never_recovers_is_infinite():
-    assert recovery([1, 9, 9, 9, 1, 3.1], REACHABLE).value == np.inf
-
-
-@pytest.mark.parametrize("reachable", [np.ones(6, bool), None])
-def test_recovery_is_nan_if_the_target_is_always_within_reach(reachable):
-    assert np.isnan(recovery([9, 9, 9, 9, 9, 9], reachable).value)
 
 
 def test_the_return_to_rest_is_not_scored():
@@ -273,14 +267,9 @@ def test_the_return_to_rest_is_not_scored():
 def test_an_episode_without_true_states_or_of_another_length_is_not_score():
     goals, states = off_by([3, 1, 2, 6])
     episode, task = make_run(goals, states, [Score("position")])
-    without_states = Episode(
-        TWO,
-        {
-            name: values
-            for name, values in episode.columns.items()
-            if name != "sensor.states"
-        },
-    )
+    columns = dict(episode.columns)
+    del columns["sensor.states"]
+    without_states = Episode(TWO, columns)
     with pytest.raises(S2C2AError, match="no true states"):
         score_run(without_states, task, "paper")
     with pytest.raises(S2C2AError, match="has 4 steps; task 'artificial' has 3"):

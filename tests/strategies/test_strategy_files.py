@@ -51,35 +51,10 @@ def rewrite(strategy_file, forged):
     return write
 
 
-def test_what_is_known_of_the_training_comes_back(saved, twin):
-    networks, path = saved
-    loaded = load_networks(path)
-    assert loaded.arm == twin
-    assert (loaded.recipe, loaded.seed) == (networks.recipe, 7)
-    assert loaded.trained.keys() == networks.trained.keys()
-    for name, result in networks.trained.items():
-        assert loaded.trained[name].percent == result.percent
-    np.testing.assert_array_equal(
-        loaded.trained["C2A"].curve, networks.trained["C2A"].curve
-    )
-
-
 def test_equal_networks_are_equal_files_to_the_last_byte(saved, tmp_path):
     for number in range(8):
         save_networks(saved[0], tmp_path / str(number))
     assert {path.read_bytes() for path in tmp_path.iterdir()} == {saved[1].read_bytes()}
-
-
-def test_the_file_tells_its_schema_version_recipe_and_errors(
-    strategy_file, tiny_networks
-):
-    _, metadata = contents(strategy_file)
-    assert (metadata["schema_version"], metadata["strategy"]) == (SCHEMA, "s2c2a")
-    assert metadata["version"]
-    c2s = {"model": "bilstm", "layers": 1, "hidden": 8}
-    assert (metadata["recipe"]["name"], metadata["recipe"]["c2s"]) == ("tiny", c2s)
-    assert metadata["recipe"]["planner"]["solver"]["iterations"] == 10
-    assert metadata["percent"]["C2S"] == list(tiny_networks.trained["C2S"].percent)
 
 
 def test_the_same_arm_under_another_name_is_accepted(strategy_file, twin):

@@ -83,13 +83,6 @@ def test_the_first_step_is_that_of_adam():
     )
 
 
-def test_the_validation_loss_in_the_curve_is_that_of_the_returned_network():
-    result = fitted(with_options(max_epochs=5))
-    assert squared(result.network, VALIDATION, None) == pytest.approx(
-        result.curve[-1, 2], rel=1e-5
-    )
-
-
 def worse_later(model: Line, batch, key) -> Array:
     """Training loss that falls; validation loss that rises above a weight of 0.5."""
     training = squared(model, batch, key)
