@@ -252,8 +252,8 @@ def test_after_an_interrupt_complete_episodes_are_kept_and_resumed(gather, tmp_p
         gather(progress=stop)
     assert len(load_recording(tmp_path / "one.episodes").time) == 2
     told = []
-    resumed = gather(resume=True, progress=lambda done, total: told.append(done))
-    assert told == [2, 3, 4]
+    resumed = gather(resume=True, progress=lambda *counts: told.append(counts))
+    assert told == [(2, 4), (3, 4), (4, 4)]
     assert_same(resumed, gather("whole.episodes"))
 
 

@@ -78,6 +78,12 @@ def of_kind(make_arm, kind, modules=3, cables=3) -> ArmSpec:
     return make_arm(modules, cables, **kinds[kind])
 
 
+@pytest.fixture(params=["encoders", "true"])
+def model(make_arm, request):
+    """A chain with or without statics, all parts of which count."""
+    return shaken(untrained(of_kind(make_arm, request.param)))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["true", "coupled", "tension"])
 def test_untrained_without_statics_it_says_arcs_of_the_sensed_bends(make_arm, kind):
@@ -125,9 +131,7 @@ def test_untrained_pulling_cables_bend_the_arm_where_they_want_it_but_less_far(
     assert ((shares > 0.5) & (shares < 1.0)).all()
 
 
-@pytest.mark.parametrize("kind", ["encoders", "true"])
-def test_for_planning_it_predicts_the_same(make_arm, kind):
-    model = shaken(untrained(of_kind(make_arm, kind)))
+def test_for_planning_it_predicts_the_same(model):
     planning, configurations = model.for_planning(), way(2, 8, 3)
     memory = start(model, configurations[0])
     for one in configurations[1:]:
@@ -136,10 +140,8 @@ def test_for_planning_it_predicts_the_same(make_arm, kind):
         memory = observe(model, one, memory)
 
 
-@pytest.mark.parametrize("kind", ["encoders", "true"])
-def test_what_was_sensed_before_is_remembered(make_arm, kind):
+def test_what_was_sensed_before_is_remembered(model):
     """The same configuration reached from two sides."""
-    model = shaken(untrained(of_kind(make_arm, kind)))
     here = way(3, 1, 3)[0]
     sides = [
         configurations_from_bends(bends_from_configurations(jnp.asarray(here)) + shift)
@@ -151,9 +153,7 @@ def test_what_was_sensed_before_is_remembered(make_arm, kind):
     assert np.abs(one - other).max() > 1e-3
 
 
-@pytest.mark.parametrize("kind", ["encoders", "true"])
-def test_a_batch_is_its_members_one_by_one(make_arm, kind):
-    model = shaken(untrained(of_kind(make_arm, kind)))
+def test_a_batch_is_its_members_one_by_one(model):
     first, then = way(6, 8, 3).reshape(2, 4, 3, 3), way(7, 8, 3).reshape(2, 4, 3, 3)
     together = predict(model, then, start(model, first))
     assert together.shape == (2, 4, 3, 6)
@@ -162,12 +162,11 @@ def test_a_batch_is_its_members_one_by_one(make_arm, kind):
     )
 
 
-@pytest.mark.parametrize("kind", ["encoders", "true"])
-def test_slopes_exist_at_rest_straight_and_bent(make_arm, kind):
-    model = shaken(untrained(of_kind(make_arm, kind))).for_planning()
+def test_slopes_exist_at_rest_straight_and_bent(model):
+    planning = model.for_planning()
     straight = jnp.tile(jnp.array([0.0, 0.0, 1.0]), (3, 1))
     slopes = eqx.filter_jit(
-        jax.jacrev(lambda c: model.predict(c, model.start(straight)))
+        jax.jacrev(lambda c: planning.predict(c, planning.start(straight)))
     )
     for configurations in (straight, jnp.asarray(way(8, 1, 3)[0])):
         assert np.isfinite(slopes(configurations)).all()

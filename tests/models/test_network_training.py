@@ -36,18 +36,6 @@ def training_data(recording) -> TrainingData:
     )
 
 
-@pytest.fixture(scope="module")
-def forward_split(training_data):
-    return forward_samples(training_data.sensed, training_data.states)
-
-
-@pytest.fixture(scope="module")
-def control_split(training_data):
-    return controller_samples(
-        training_data.sensed, training_data.actions, np.zeros((3, 3))
-    )
-
-
 def test_training_lowers_both_losses_of_both_networks(trained):
     for curve in (result.curve for result in trained.trained.values()):
         np.testing.assert_array_equal(curve[:, 0], np.arange(1, 13))
@@ -60,10 +48,10 @@ def test_training_tells_which_network_it_is_at(trained, told):
 
 
 def test_the_forward_models_percent_is_that_of_its_predictions(
-    trained, forward_split, recording
+    trained, training_data, recording
 ):
     """Full range over the whole recording, error over the held-out part, in meters."""
-    held_out = forward_split.test
+    held_out = forward_samples(training_data.sensed, training_data.states).test
     predicted = np.asarray(trained.c2s.predict(held_out.inputs["configurations"], ()))
     ranges = np.ptp(recording.sensor("states").reshape(-1, 3, 6), axis=0)
     percent = 100 * np.abs(predicted - held_out.targets) / ranges
@@ -88,14 +76,16 @@ def predict_actions(c2a, samples) -> np.ndarray:
 
 
 def test_the_controllers_percent_is_that_of_its_actions_in_their_units(
-    trained, control_split
+    trained, training_data
 ):
     """Whatever scaling the network uses: computed here from meters."""
-    held_out = control_split.test
+    split = controller_samples(
+        training_data.sensed, training_data.actions, np.zeros((3, 3))
+    )
+    held_out = split.test
     c2a = trained.c2a
     predicted = np.asarray(c2a.sum_and_range.actions(predict_actions(c2a, held_out)))
-    parts = (control_split.training, control_split.validation, control_split.test)
-    ranges = np.ptp(np.concatenate([part.targets for part in parts]), axis=0)
+    ranges = np.ptp(np.concatenate([part.targets for part in split.parts]), axis=0)
     percent = 100 * np.abs(predicted - held_out.targets) / ranges
     assert trained.trained["C2A"].percent == pytest.approx(
         (percent.mean(), percent.std()), rel=1e-3

@@ -102,25 +102,6 @@ def test_a_bilstm_agrees_with_a_second_one_for_any_size(modules, layers):
     )
 
 
-@pytest.mark.parametrize("batch", [(2, 3)])
-def test_a_batch_through_a_bilstm_equals_single_calls(batch):
-    network, inputs = a_bilstm(), numbers(2, *batch, 3, 3)
-    together = run(network, inputs)
-    assert together.shape == (*batch, 3, 5)
-    alone = [run(network, one) for one in inputs.reshape(-1, 3, 3)]
-    np.testing.assert_allclose(together.reshape(-1, 3, 5), alone, rtol=1e-5, atol=1e-6)
-
-
-def test_the_paper_sizes_have_as_many_weights_as_its_formula_says():
-    """Each direction: 4 gates of h cells with inputs, h recurrent values and a bias."""
-    network = eqx.filter_eval_shape(
-        lambda: BiLSTM(3, 6, layers=4, hidden=64, key=jax.random.key(0))
-    )
-    directions = [4 * 64 * (inputs + 64 + 1) for inputs in (3, 128, 128, 128)]
-    count = sum(leaf.size for leaf in jax.tree.leaves(network))
-    assert count == 2 * sum(directions) + 128 * 6 + 6
-
-
 def test_the_directions_of_a_layer_start_apart():
     up, down = a_bilstm().layers[0]
     assert (
