@@ -10,7 +10,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from s2c2a.arm import ArmGeometry, load_arm
+from made_up import TWIN, made_up
+from s2c2a.arm import ArmGeometry
 from s2c2a.arm.sensors import Camera, Sensors
 from s2c2a.data import (
     CollectOptions,
@@ -20,12 +21,10 @@ from s2c2a.data import (
     episode_actions,
     load_recording,
 )
-from s2c2a.episodes import Episode
 from s2c2a.errors import RecordingError, RobotError, S2C2AError
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.spaces import Sensor, Stage
 
-TWIN = load_arm("twin_arm")
 SMALL = CollectOptions(episodes=4, samples=12, seed=3)
 SENSORS = {"cables", "states", "configurations"}
 
@@ -394,13 +393,9 @@ def test_no_empty_recording_stays_when_the_robot_never_opened(gather, tmp_path):
     ],
 )
 def test_frozen_poses_are_counted_apart_from_marker_jumps(counts, text):
-    columns = {
-        "time": np.arange(4.0),
-        "actions": np.zeros((4, 3, 3)),
-        "sensor.states": np.zeros((4, 3, 6)),
-    }
     options = dict(zip(("excluded_poses", "frozen_poses"), counts, strict=True))
-    episode = Episode(TWIN, columns, options)
+    states = {"sensor.states": np.zeros((4, 3, 6))}
+    episode = made_up(4, **states).with_options(**options)
     described = describe_excluded(Recording(TWIN, {}, (episode,)))
     assert text in described
     assert bool(described) == bool(counts[0])

@@ -56,6 +56,11 @@ def test_an_episode_of_100_samples_is_split_with_a_gap_after_its_training_sample
     assert parts == [[list(moments)] for moments in STRETCHES.values()]
 
 
+def rows_of(part) -> np.ndarray:
+    """Samples that a part has of one long episode."""
+    return np.concatenate([np.arange(place.start, place.stop) for _, place in part])
+
+
 @pytest.mark.parametrize("samples", [50, 51, 77, 100, 500, 501])
 def test_stretches_share_an_episode_without_overlap(samples):
     parts = [np.arange(samples)[part[0][1]] for part in stretches([samples])]
@@ -66,19 +71,13 @@ def test_stretches_share_an_episode_without_overlap(samples):
 
 
 def test_no_sample_that_judges_is_within_25_of_a_training_sample():
-    training, *others = [
-        np.concatenate([np.arange(2000)[place] for _, place in part])
-        for part in stretches([2000])
-    ]
+    training, *others = map(rows_of, stretches([2000]))
     for part in others:
         assert np.abs(part[:, None] - training).min() >= 25
 
 
 def test_validation_and_test_samples_may_be_25_apart_too():
-    validation, test = (
-        np.concatenate([np.arange(2000)[place] for _, place in part])
-        for part in stretches([2000], APART)[1:]
-    )
+    validation, test = map(rows_of, stretches([2000], APART)[1:])
     assert np.abs(validation[:, None] - test).min() >= 25
 
 
@@ -98,15 +97,10 @@ def test_parts_without_usable_samples_are_refused():
 
 
 def test_a_very_long_episode_is_split_piece_by_piece():
-    training, validation, test = stretches([2063])
-    assert [len(part) for part in (training, validation, test)] == [4, 4, 4]
-    rows = np.concatenate(
-        [
-            np.arange(2063)[place]
-            for part in (training, validation, test)
-            for _, place in part
-        ]
-    )
+    parts = stretches([2063])
+    assert [len(part) for part in parts] == [4, 4, 4]
+    rows = np.concatenate([rows_of(part) for part in parts])
+    assert rows.max() < 2063
     assert len(np.unique(rows)) == len(rows) > 0.9 * 2063
 
 
@@ -131,25 +125,14 @@ def test_samples_without_any_known_state_are_dropped_and_partial_ones_stay():
 
 def test_padding_of_shorter_episodes_is_ignored():
     split = forward_samples(CONFIGURATIONS, STATES, lengths=(100, 60))
-    rows = np.concatenate(
-        [
-            part.targets[:, 0, 0]
-            for part in (split.training, split.validation, split.test)
-        ]
-    )
+    rows = np.concatenate([part.targets[:, 0, 0] for part in split.parts])
     assert len(rows) == 95 + 57
     assert rows.max() < 10000.0 * 2 + 10.0 * 60
 
 
 def test_the_shortest_episode_has_a_window_in_every_stretch():
     split = controller_samples(CONFIGURATIONS[:, :50], ACTIONS[:, :50], NEUTRAL)
-    assert (
-        min(
-            len(samples.targets)
-            for samples in (split.training, split.validation, split.test)
-        )
-        >= EPISODES
-    )
+    assert min(len(part.targets) for part in split.parts) >= EPISODES
 
 
 def test_forward_samples_pair_sensed_configurations_with_simultaneous_states():

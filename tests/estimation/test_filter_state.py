@@ -15,6 +15,17 @@ STATE = ArmState(
 )
 
 
+def test_every_place_holds_the_part_of_its_name():
+    vector = STATE.packed()
+    assert len(vector) == ORDER.size
+    np.testing.assert_array_equal(vector[ORDER.payload], [1.0])
+    np.testing.assert_array_equal(vector[ORDER.bend_biases], STATE.bend_biases)
+    np.testing.assert_array_equal(vector[ORDER.bends], STATE.bends)
+    np.testing.assert_array_equal(vector[ORDER.bend_rates], STATE.bend_rates)
+    both = jnp.concatenate([STATE.bends, STATE.bend_rates])
+    np.testing.assert_array_equal(vector[ORDER.vibration], both)
+
+
 def test_biases_of_a_sensor_follow_those_of_the_sensors_before_it():
     vector = STATE.packed()
     none, three, two = ORDER.sensor_biases

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from s2c2a.arm import load_arm
-from s2c2a.episodes import Episode
+from made_up import made_up
 from s2c2a.evaluation import describe_estimates, describe_step_estimates
 
 
@@ -16,8 +15,7 @@ def make_episode(**columns):
         "bend_biases": bend_biases,
         "external_force": np.array([0.0, 0.1, 0.3, 0.2]),
     }
-    steps = {"time": np.arange(4.0), "actions": np.zeros((4, 3, 3))}
-    return Episode(load_arm("twin_arm"), steps | estimates | columns)
+    return made_up(4, **estimates, **columns)
 
 
 @pytest.mark.parametrize(

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from s2c2a.arm import load_arm
+from made_up import made_up
 from s2c2a.episodes import Episode
 from s2c2a.evaluation import describe_extrapolation, is_outside_data
 
-TWIN = load_arm("twin_arm")
 NEAR = 0.003  # m; standard deviation near the data
 STEPS = 20
 
@@ -16,13 +15,7 @@ def run(extrapolation, **columns) -> Episode:
     """A run of 20 steps whose uncertainty is `NEAR` without extrapolation [m]."""
     std = np.zeros((STEPS, 3))
     std[:, -1] = np.hypot(NEAR, extrapolation)
-    steps = {
-        "time": 0.1 * np.arange(STEPS),
-        "actions": np.zeros((STEPS, 3, 3)),
-        "predictive_std": std,
-        "extrapolation": extrapolation,
-    }
-    return Episode(TWIN, steps | columns)
+    return made_up(STEPS, predictive_std=std, extrapolation=extrapolation, **columns)
 
 
 def far_in(*steps) -> np.ndarray:
@@ -62,5 +55,4 @@ def test_a_path_that_ends_outside_the_data_is_reported_up_to_its_end():
 
 def test_a_tenth_of_a_path_outside_the_data_is_not_worth_a_warning():
     assert describe_extrapolation(run(far_in(3, 4))) == ""
-    without = Episode(TWIN, {"time": [0.0], "actions": np.zeros((1, 3, 3))})
-    assert describe_extrapolation(without) == ""
+    assert describe_extrapolation(made_up(1)) == ""

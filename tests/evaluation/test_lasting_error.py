@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from s2c2a.arm import load_arm
+from made_up import TWIN, made_up
 from s2c2a.episodes import Episode
 from s2c2a.evaluation import (
     describe_lasting_error,
@@ -15,7 +15,6 @@ from s2c2a.evaluation import (
 from s2c2a.kinematics import configurations_from_bends
 from s2c2a.planning import Outcome
 
-TWIN = load_arm("twin_arm")
 STEPS = 20
 GOAL = np.array([0.18, 0.0, 0.5])
 
@@ -36,8 +35,6 @@ def make_run(
     if untracked_deg:
         states[:, -1, 0] += 0.1
     steps = {
-        "time": 0.1 * np.arange(STEPS),
-        "actions": np.zeros((STEPS, 3, 3)),
         "desired_positions": goals,
         "predicted": predicted,
         "planned": planned,
@@ -46,7 +43,7 @@ def make_run(
         "plan_error": np.full(STEPS, abs(plan)),
         "sensor.states": states,
     }
-    return Episode(TWIN, steps | columns)
+    return made_up(STEPS, **steps | columns)
 
 
 @pytest.mark.parametrize(
@@ -79,8 +76,7 @@ def test_without_states_the_true_arm_is_not_told_of():
 
 
 def test_runs_without_plans_are_not_described():
-    steps = {"time": np.arange(4.0), "actions": np.zeros((4, 3, 3))}
-    assert describe_lasting_error(Episode(TWIN, steps)) == ""
+    assert describe_lasting_error(made_up(4)) == ""
 
 
 def test_the_step_limit_is_not_blamed_for_goals_out_of_reach():

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from s2c2a.arm import load_arm
-from s2c2a.episodes import Episode
+from made_up import made_up
 from s2c2a.evaluation import (
     describe_faults,
     describe_jumps_of_frame,
@@ -13,13 +12,6 @@ from s2c2a.evaluation import (
     describe_tracking,
 )
 from s2c2a.planning import Outcome
-
-TWIN = load_arm("twin_arm")
-
-
-def make_episode(**columns):
-    steps = {"time": np.arange(4.0), "actions": np.zeros((4, 3, 3))}
-    return Episode(TWIN, steps | columns)
 
 
 @pytest.mark.parametrize(
@@ -47,7 +39,7 @@ def make_episode(**columns):
     ],
 )
 def test_steps_are_counted_by_outcome(columns, text):
-    assert describe_plans(make_episode(**columns)) == text
+    assert describe_plans(made_up(4, **columns)) == text
 
 
 HELD_POINT = [[0.02, 0, 0]] * 4
@@ -68,14 +60,14 @@ def test_plans_that_the_step_limit_holds_back_are_counted(tip, text):
     outcome = np.full(4, Outcome.MOVING)
     if tip is PATH:
         outcome[1] = Outcome.SOLVED
-    episode = make_episode(planned=planned, outcome=outcome, desired_positions=desired)
+    episode = made_up(4, planned=planned, outcome=outcome, desired_positions=desired)
     assert describe_plans(episode) == (
         f"the step limit of 4 deg held the plan back in {text}"
     )
 
 
 def test_faults_of_readings_are_reported_with_the_steps_in_which_the_arm_was_held():
-    episode = make_episode(stage=np.array([2, 3, 3, 2], np.int8))
+    episode = made_up(4, stage=np.array([2, 3, 3, 2], np.int8))
     assert describe_faults(episode) == ""
     faulty = episode.with_options(faults=["servo 1 does not answer"], late_steps=5)
     assert describe_faults(faulty) == (
@@ -86,23 +78,22 @@ def test_faults_of_readings_are_reported_with_the_steps_in_which_the_arm_was_hel
 
 def test_untracked_module_ends_are_reported():
     states = np.zeros((4, 3, 6))
-    assert describe_tracking(make_episode(**{"sensor.states": states})) == ""
+    assert describe_tracking(made_up(4, **{"sensor.states": states})) == ""
     states[:2, 1] = np.nan
     lost = "ends not tracked: module 2 in 50 % of the steps"
-    assert describe_tracking(make_episode(**{"sensor.states": states})) == lost
+    assert describe_tracking(made_up(4, **{"sensor.states": states})) == lost
     assert describe_lost_states(states[None]) == lost
-    assert "add --tracking" in describe_tracking(make_episode())
+    assert "add --tracking" in describe_tracking(made_up(4))
 
 
 def test_a_jump_of_all_module_ends_is_reported():
     states = np.random.default_rng(0).normal(0, 1e-4, (40, 3, 6))
     states += [[0, 0, height, 0, 0, 1] for height in (0.2, 0.4, 0.6)]
-    columns = {"time": 0.1 * np.arange(40.0), "actions": np.zeros((40, 3, 3))}
-    still = make_episode(**columns, **{"sensor.states": states})
+    still = made_up(40, **{"sensor.states": states})
     assert describe_tracking(still) == ""
     states = states.copy()
     states[25:, :, 0] += 0.0058
-    knocked = make_episode(**columns, **{"sensor.states": states})
+    knocked = made_up(40, **{"sensor.states": states})
     text = describe_tracking(knocked)
     assert text.startswith("step 26 (2.5 s): all tracked ends jump by 5.")
     assert "episode 2, step 26" in describe_jumps_of_frame([still, knocked])

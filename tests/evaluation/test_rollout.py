@@ -289,7 +289,8 @@ def test_a_tension_arm_returns_to_its_pretension(simulated):
 
 
 def test_an_interrupted_run_hands_over_its_steps(robot, script, task):
-    kept, told = [], []
+    kept = []
+    told = []
 
     def fail(done, total):
         told.append((done, total))

@@ -3,15 +3,13 @@
 import numpy as np
 import pytest
 
+from made_up import TWIN, made_up
 from s2c2a.arm import ArmGeometry, ArmSpec, load_arm
 from s2c2a.cli import run as run_command
 from s2c2a.cli.main import main
-from s2c2a.episodes import Episode
 from s2c2a.evaluation import describe_run_saturation, describe_saturation
 from s2c2a.runtime.limits import CommandLimiter, CommandLimits, command_range
 from s2c2a.spaces import Stage
-
-TWIN = load_arm("twin_arm")
 
 
 def test_commands_within_the_range_are_not_mentioned():
@@ -48,10 +46,9 @@ def test_only_the_steps_of_the_run_count():
     actions = np.zeros((4, 3, 3))
     actions[3] = ArmGeometry.of(TWIN).action_high
     stage = np.array([Stage.RUN, Stage.RUN, Stage.RUN, Stage.RELEASE])
-    columns = {"time": np.arange(4.0), "actions": actions, "stage": stage}
-    assert describe_run_saturation(Episode(TWIN, columns)) == ""
-    columns["stage"] = np.full(4, Stage.RUN)
-    assert "in 25 % of the steps" in describe_run_saturation(Episode(TWIN, columns))
+    assert describe_run_saturation(made_up(4, actions=actions, stage=stage)) == ""
+    running = made_up(4, actions=actions, stage=np.full(4, Stage.RUN))
+    assert "in 25 % of the steps" in describe_run_saturation(running)
 
 
 def test_slack_cables_of_a_tension_arm_are_no_limit():

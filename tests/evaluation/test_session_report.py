@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from s2c2a.arm import load_arm
+from made_up import TWIN, made_up
 from s2c2a.arm.sensors import Camera, Sensors
 from s2c2a.episodes import Episode
 from s2c2a.estimation import EstimationSettings
@@ -19,7 +19,6 @@ from s2c2a.runtime import StepRecord
 from s2c2a.spaces import Reading, Stage
 from s2c2a.strategies import RunOptions
 
-TWIN = load_arm("twin_arm")
 STEPS = 300
 STD = 3e-3  # m, of a position in space
 
@@ -42,16 +41,11 @@ def run(scale: float, shift: float = 0.0, seen: bool = True) -> Episode:
     states = np.full((STEPS, 3, 6), np.nan)
     noise = random.normal(scale=scale * STD / np.sqrt(3.0), size=(STEPS, 3))
     states[:, -1, :3] = noise + np.array([shift, 0.0, 0.0])
-    columns = {
-        "time": 0.1 * np.arange(STEPS),
-        "actions": np.zeros((STEPS, 3, 3)),
-        "predicted": predicted,
-        "predictive_std": np.full((STEPS, 3), STD),
-        **still(STEPS),
-    }
-    if seen:
-        columns["sensor.states"] = states
-    return Episode(TWIN, columns)
+    std = np.full((STEPS, 3), STD)
+    shown = {"sensor.states": states} if seen else {}
+    return made_up(
+        STEPS, predicted=predicted, predictive_std=std, **still(STEPS), **shown
+    )
 
 
 def test_errors_as_large_as_stated_are_no_disagreement():
@@ -154,8 +148,6 @@ def test_a_late_picture_of_a_moving_tip_is_compared_with_the_time_that_it_shows(
     pictures[:, -1] = 0.0
     pictures[:, -1, 0] = 0.02 * (rows - late)
     columns = {
-        "time": 0.1 * rows,
-        "actions": np.zeros((STEPS, 3, 3)),
         "predicted": predicted,
         "predictive_std": np.full((STEPS, 3), STD),
         "sensor.camera_positions": pictures,
@@ -163,6 +155,6 @@ def test_a_late_picture_of_a_moving_tip_is_compared_with_the_time_that_it_shows(
     }
     if states_age:
         columns["sensor.camera_age"] = np.full(STEPS, 0.1 * late)
-    assert describe_disagreement(Episode(arm, columns)) == ""
+    assert describe_disagreement(made_up(STEPS, arm, **columns)) == ""
     columns["sensor.camera_positions"] = pictures + 2.0 * STD
-    assert "`s2c2a session`" in describe_disagreement(Episode(arm, columns))
+    assert "`s2c2a session`" in describe_disagreement(made_up(STEPS, arm, **columns))

@@ -16,21 +16,15 @@ SHARES = (0.1, 0.4)
 
 def a_hysteresis(modules=1, widths=WIDTHS, shares=SHARES, seed=0) -> Hysteresis:
     random = np.random.default_rng(seed)
+
+    def normal(count):
+        return jnp.asarray(random.normal(size=(modules, count, 1)), jnp.float32)
+
     return Hysteresis(
-        Operators(
-            *(
-                jnp.asarray(part, dtype=jnp.float32).reshape(-1)
-                for part in (widths, shares)
-            )
-        ),
-        jnp.asarray(
-            random.normal(size=(modules, len(widths) + 2, 1)), dtype=jnp.float32
-        ),
+        Operators(jnp.asarray(widths), jnp.asarray(shares, jnp.float32)),
+        normal(len(widths) + 2),
         jnp.zeros((modules, 0, 1)),
-        Viscoelasticity(
-            jnp.asarray(random.normal(size=(modules, 1, 1)), dtype=jnp.float32),
-            jnp.asarray(random.normal(size=(modules, len(shares), 1)), jnp.float32),
-        ),
+        Viscoelasticity(normal(1), normal(len(shares))),
     )
 
 

@@ -60,13 +60,10 @@ def test_a_weight_beside_the_base_bends_a_module_by_its_lever():
 def test_an_end_gives_way_across_and_not_along():
     straight = jnp.zeros((1, 2))
     lengths = jnp.array([0.2])
-    compliances = jnp.array([0.004])
     off = jnp.zeros(3)
-    across = states_from_arcs(
-        straight, lengths, off, jnp.array([2.0, 0.0, 0.0]), compliances
-    )
-    along = states_from_arcs(
-        straight, lengths, off, jnp.array([0.0, 0.0, 2.0]), compliances
+    across, along = (
+        states_from_arcs(straight, lengths, off, jnp.array(force), jnp.array([0.004]))
+        for force in ([2.0, 0.0, 0.0], [0.0, 0.0, 2.0])
     )
     np.testing.assert_allclose(across[0, :3], [0.008, 0.0, 0.2], atol=1e-7)
     np.testing.assert_allclose(along[0, :3], [0.0, 0.0, 0.2], atol=1e-7)

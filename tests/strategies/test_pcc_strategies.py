@@ -50,7 +50,8 @@ def towards(pcc, target):
     reading = robot.open()
     pcc.start(reading)
     plans = [pcc.diagnostics()["planned"]]
-    states, actions = [], []
+    states = []
+    actions = []
     for _ in range(60):
         actions.append(pcc.step(reading, Goal.of(3).with_position(target)))
         robot.step(actions[-1])
