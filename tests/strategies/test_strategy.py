@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 
 from s2c2a.arm import ArmGeometry
-from s2c2a.control import C2AOptions, InversePCC
+from s2c2a.control import InversePCC
 from s2c2a.data import CollectOptions, Recording
 from s2c2a.errors import RecordingError, S2C2AError, StrategyError
 from s2c2a.estimation import EncoderEstimator, EncoderMap, configuration_map_for
 from s2c2a.kinematics import PCC, states_from_configurations
-from s2c2a.models import C2SOptions
 from s2c2a.models.forward_model import PCCForwardModel
 from s2c2a.planning import PAPER, Adam, Goal, Planner
 from s2c2a.robots.simulation import SimulatedRobot
@@ -347,8 +346,8 @@ def test_a_recipe_says_how_its_data_are_collected():
 def test_the_papers_recipe_has_the_papers_numbers():
     """Chen et al. 2025, table II and sec. III-A."""
     paper = recipe_named("paper")
-    assert paper.c2s == C2SOptions(layers=4, hidden=64)
-    assert paper.c2a == C2AOptions(layers=2, hidden=32)
+    assert (paper.c2s.layers, paper.c2s.hidden) == (4, 64)
+    assert (paper.c2a.layers, paper.c2a.hidden) == (2, 32)
     for fit in (paper.c2s_fit, paper.c2a_fit):
         assert (fit.learning_rate, fit.batch_size) == (1e-3, 64)
     assert paper.planner.solver == Adam(learning_rate=0.02, iterations=10)
