@@ -4,7 +4,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from jax.test_util import check_grads
 from scipy.optimize import minimize
 
 from s2c2a.arm.geometry import cable_matrix
@@ -127,6 +126,13 @@ def test_slopes_agree_with_finite_differences_away_from_kinks():
 
     with jax.enable_x64(True):
         arrays = [jnp.asarray(value) for value in inputs]
-        check_grads(
-            total, arrays, order=1, modes=["rev"], atol=1e-6, rtol=1e-6, eps=1e-5
-        )
+        gradients = jax.grad(total, argnums=(0, 1, 2, 3))(*arrays)
+        for place, gradient in enumerate(gradients):
+            for entry in np.ndindex(gradient.shape):
+                values = []
+                for shift in (1e-5, -1e-5):
+                    shifted = list(arrays)
+                    shifted[place] = arrays[place].at[entry].add(shift)
+                    values.append(float(total(*shifted)))
+                slope = (values[0] - values[1]) / 2e-5
+                assert float(gradient[entry]) == pytest.approx(slope, abs=1e-6)
