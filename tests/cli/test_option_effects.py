@@ -10,7 +10,7 @@ from tyro.extras import SubcommandApp
 
 from s2c2a.cli.dependent_options import beside, conditions_of
 from s2c2a.cli.execution import check_parallel
-from s2c2a.cli.main import app, main
+from s2c2a.cli.main import app
 from s2c2a.errors import S2C2AError
 from s2c2a.robots import RobotFactory
 
@@ -95,12 +95,9 @@ def test_every_option_is_read_by_its_command(name):
 
 
 @pytest.mark.parametrize("line", REFUSED)
-def test_an_option_without_effect_is_refused(line, tmp_path, monkeypatch, capsys):
+def test_an_option_without_effect_is_refused(line, tmp_path, monkeypatch, refusal):
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(SystemExit) as stopped:
-        main(line.split())
-    assert stopped.value.code == 2
-    message = capsys.readouterr().err
+    message = refusal(*line.split())
     assert "would have no effect" in message
     for option in REFUSED[line]:
         assert f"--{option.replace('_', '-')}" in message
@@ -138,12 +135,10 @@ def test_an_option_has_its_effect_beside_what_it_needs():
 
 @pytest.mark.parametrize("command", ["collect --out x.episodes", "run circle"])
 @pytest.mark.parametrize("parallel", ["--cluster local", "PARALLEL 2"])
-def test_a_real_arm_is_not_driven_in_parallel(command, parallel, capsys):
+def test_a_real_arm_is_not_driven_in_parallel(command, parallel, refusal):
     option = "--threads" if command.startswith("collect") else "--jobs"
     line = f"{command} --robot dynamixel {parallel.replace('PARALLEL', option)}"
-    with pytest.raises(SystemExit):
-        main(line.split())
-    assert f"leave out {option} and --cluster" in capsys.readouterr().err
+    assert f"leave out {option} and --cluster" in refusal(*line.split())
 
 
 def test_a_simulated_arm_is_driven_in_parallel():
@@ -151,9 +146,8 @@ def test_a_simulated_arm_is_driven_in_parallel():
     check_parallel(RobotFactory("dynamixel"), 1, None)
 
 
-def test_a_table_refuses_a_strategy_that_ignores_its_guard(tmp_path, capsys):
+def test_a_table_refuses_a_strategy_that_ignores_its_guard(tmp_path, refusal):
     for table in ("obstacles", "all"):
-        with pytest.raises(SystemExit):
-            main(["reproduce", table, "--strategy", "lstm", "--out", str(tmp_path)])
-        message = capsys.readouterr().err
+        command = ["reproduce", table, "--strategy", "lstm", "--out", str(tmp_path)]
+        message = refusal(*command)
         assert "--strategy lstm cannot be compared in table 'obstacles'" in message
