@@ -68,7 +68,8 @@ def test_impossible_times_move_nothing(weights, seconds, refusal):
 
 
 def test_an_arm_whose_tip_is_not_seen_does_not_move(weights, monkeypatch):
-    blind = SimpleNamespace(make=lambda arm: Blind())
+    robot = SimpleNamespace(sensors=frozenset({"cables"}))
+    blind = SimpleNamespace(make=lambda arm: robot)
     monkeypatch.setattr(session_command, "robot_factory_for", lambda *_, **__: blind)
     with pytest.raises(RecordingError, match="turn on the tracking"):
         session_command.session(weights)
@@ -79,22 +80,6 @@ def test_networks_of_the_package_are_no_file(refusal):
     assert "a file is needed" in refusal("session", "shipped")
 
 
-class Blind:
-    """A robot that measures its cables alone."""
-
-    sensors = frozenset({"cables"})
-
-
-class Homed:
-    """A factory of robots that were homed at a time."""
-
-    def __init__(self, homed):
-        self.last_calibration = lambda: homed
-
-    def make(self, arm):
-        return self
-
-
 @pytest.mark.parametrize(
     ("hours", "warns"), [(1.0, True), (-1.0, False), (None, False)]
 )
@@ -102,5 +87,7 @@ def test_weights_older_than_the_homing_are_named(weights, capsys, hours, warns):
     trained = datetime(2026, 1, 5, 12, tzinfo=UTC)
     os.utime(weights, times=(trained.timestamp(),) * 2)
     homed = None if hours is None else trained + timedelta(hours=hours)
-    run_command._warn_of_age(Homed(homed), TWIN, weights, None)
+    robot = SimpleNamespace(last_calibration=lambda: homed)
+    factory = SimpleNamespace(make=lambda arm: robot)
+    run_command._warn_of_age(factory, TWIN, weights, None)
     assert ("`s2c2a session" in capsys.readouterr().out) == warns

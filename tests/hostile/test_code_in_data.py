@@ -3,6 +3,7 @@
 import ast
 import contextlib
 import sys
+import tomllib
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from multiprocessing import get_context
@@ -300,15 +301,10 @@ def test_the_description_of_an_arm_file_allows_no_code(name, twin, tmp_path):
 @pytest.mark.parametrize("breaks", ["\n", "\r\n", "\x0b", "\u2028", "\x00"])
 def test_names_in_a_map_add_no_key_to_the_arm_file(breaks):
     text = f'x{breaks}sensing = "evil_code.py:X"{breaks}#'
-    drive = {"commanded": text, "unit": "free", "module": 0}
-    known = {"name": "mine", "modules": 1, "control_rate": 10, "cable_radius": 0.02}
-    table = {
-        "source": {"name": text},
-        "rows": {"kind": "steps"},
-        "arm": known,
-        "drives": [drive] * 3,
-        "ends": [{"position": ["x", "y", "z"], "unit": "m"}],
-    }
+    table = tomllib.loads(MAP)
+    drive = table["drives"][0] | {"commanded": text, "module": 0}
+    table |= {"source": {"name": text}, "drives": [drive] * 3}
+    table["arm"]["modules"] = 1
     zero = np.zeros(3)
     parameters = CableParameters(
         zero, 0.0, zero, zero, np.zeros(1), 0.0, 0.0, zero, zero

@@ -1,7 +1,5 @@
 import json
 import re
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -187,18 +185,6 @@ def test_a_page_has_the_planned_tip_of_the_next_moments(write_page, make_trace):
     assert drawn[5] == [None] * 12
     np.testing.assert_allclose(np.array(drawn[7]) / 1e4, horizon[7], atol=1e-4)
     assert data_of(write_page([make_trace()]))["traces"][0]["horizon"] == [[]] * 200
-
-
-def test_importing_viz_imports_no_heavy_packages():
-    heavy = "{'matplotlib', 'jax', 'mujoco', 'scipy'}"
-    code = (
-        f"import sys, s2c2a.viz; loaded = {heavy} & set(sys.modules); "
-        "assert not loaded, loaded"
-    )
-    result = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=False
-    )
-    assert result.returncode == 0, result.stderr
 
 
 def test_the_page_states_at_which_steps_a_plan_does_not_get_nearer(
