@@ -2,7 +2,7 @@
 
 import pytest
 
-from s2c2a.arm import Tracking, save_arm, servos_of
+from s2c2a.arm import Tracking, load_arm, save_arm, servos_of
 from s2c2a.arm.sensors import Inertial
 from s2c2a.cli.arm import check
 from s2c2a.errors import S2C2AError
@@ -10,11 +10,11 @@ from s2c2a.errors import S2C2AError
 
 @pytest.fixture
 def checked(twin, tmp_path, capsys):
-    """Check the twin with changes; return what is printed."""
+    """Check an arm with changes, the twin by default; return what is printed."""
 
-    def run(**changes) -> str:
+    def run(arm=twin, **changes) -> str:
         path = tmp_path / "mine.toml"
-        save_arm(twin.model_copy(update=changes), path)
+        save_arm(arm.model_copy(update=changes), path, overwrite=True)
         check(str(path))
         return capsys.readouterr().out
 
@@ -55,3 +55,12 @@ def test_unusual_values_are_asked_about(twin, checked):
     module = twin.modules[0].model_copy(update={"damping_time": 0.005})
     output = checked(modules=(module,) * 3)
     assert "unusual: a damping ratio below 0.03" in output
+    assert "unusual:" not in checked()  # the path has the name of this test
+
+
+def test_check_says_how_far_pressures_bend_an_arm(checked):
+    arm = load_arm("pneumatic_arm")
+    weak = arm.modules[1].model_copy(update={"chamber_area": 3e-5})
+    out = checked(arm, modules=(arm.modules[0], weak))
+    assert "full pressure_limit bends the modules by about 46, 5 deg" in out
+    assert "bend_limit_deg: 70, 70" in out

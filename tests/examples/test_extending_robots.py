@@ -80,11 +80,13 @@ def test_a_custom_robot_is_recorded_in_wall_clock_time(recorded):
 
 
 @pytest.mark.slow
-def test_a_custom_robot_is_run_and_scored(recorded, aside, run_errors):
+def test_a_custom_robot_is_run_and_scored(recorded, aside, run_errors, tmp_path):
     arm, _ = recorded
     options = f"--robot {ROBOT}:LaggingArm --strategy pcc".split()
     errors = run_errors(aside, "--arm", arm, *options)
     assert 0 < errors["pcc"] < 3
+    rows = json.loads((tmp_path / "run" / "results.json").read_text())
+    assert {(row["arm"], row["strategy"]) for row in rows} == {("own_arm", "pcc")}
 
 
 @pytest.mark.slow
