@@ -18,6 +18,7 @@ from safetensors import safe_open
 from safetensors.numpy import load_file, save
 
 from s2c2a.arm import ArmSpec, Module, load_arm
+from s2c2a.cli.main import main
 from s2c2a.data import Recording, load_recording
 from s2c2a.episodes import Episode
 from s2c2a.execution.compilation import forget_programs
@@ -101,6 +102,19 @@ def interruptible():
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
+
+
+@pytest.fixture
+def refusal(capsys):
+    """Run a command that must fail with exit code 2; return its error message."""
+
+    def run(*words: str) -> str:
+        with pytest.raises(SystemExit) as stopped:
+            main(words)
+        assert stopped.value.code == 2
+        return capsys.readouterr().err
+
+    return run
 
 
 @pytest.fixture(scope="module", autouse=True)

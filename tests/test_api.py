@@ -1,7 +1,6 @@
 """`import s2c2a` offers what a program writes first, and its docstring is complete."""
 
 import ast
-import pydoc
 import re
 import textwrap
 from functools import partial
@@ -12,7 +11,6 @@ import pytest
 
 import s2c2a
 from s2c2a.errors import RecordingError, StrategyError
-from s2c2a.strategies import strategy_of
 from s2c2a.tasks import Score, Task
 
 ROOT = Path(__file__).parents[1]
@@ -41,12 +39,6 @@ def test_every_name_is_there_and_has_a_line_in_the_docstring():
     assert sorted(lines) == s2c2a.__all__
     for name in s2c2a.__all__:
         assert getattr(s2c2a, name).__doc__
-
-
-def test_help_begins_with_the_program_and_the_names():
-    text = pydoc.render_doc(s2c2a, renderer=pydoc.plaintext)
-    assert " ".join(first_program().split()) in " ".join(text.split())
-    assert "load_strategy    build a strategy from a weight file" in text
 
 
 def test_the_first_program_has_ten_lines_and_stands_on_the_pages():
@@ -91,6 +83,7 @@ def test_a_strategy_is_trained_saved_and_loaded(
     out = tmp_path / "new" / "mine.safetensors"
     strategy = s2c2a.train(recording, out, recipe=tiny_recipe)
     loaded = s2c2a.load_strategy(out)
+    assert loaded.name == "s2c2a"
     task = short_task(recording.arm)
     runs = [
         s2c2a.run(s2c2a.SimulatedRobot(recording.arm), each, task)
@@ -111,11 +104,6 @@ def test_a_file_of_another_kind_is_not_replaced_by_networks(recording, tmp_path)
 def test_shipped_networks_need_the_arm():
     with pytest.raises(StrategyError, match="no arm was given; give one"):
         s2c2a.load_strategy("shipped")
-
-
-def test_networks_of_every_trained_strategy_build_it(strategy_file, tiny_networks):
-    assert s2c2a.load_strategy(strategy_file).name == "s2c2a"
-    assert strategy_of(tiny_networks).arm == tiny_networks.arm
 
 
 def test_a_run_takes_the_name_of_a_task(twin, pcc, monkeypatch):

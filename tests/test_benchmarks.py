@@ -25,13 +25,12 @@ def count_operations(monkeypatch):
 
 
 def run(*arguments: str) -> subprocess.CompletedProcess:
+    reason = "pytest-benchmark comes with the extras bench and dev"
+    pytest.importorskip("pytest_benchmark", reason=reason)
     command = [sys.executable, "-m", "pytest", str(FOLDER), *arguments]
     # the subprocess must not take itself for a worker of pytest-xdist
-    environment = {
-        name: value
-        for name, value in os.environ.items()
-        if not name.startswith("PYTEST_")
-    }
+    outer = [name for name in os.environ if name.startswith("PYTEST_")]
+    environment = {name: os.environ[name] for name in os.environ.keys() - outer}
     return subprocess.run(
         command, env=environment, capture_output=True, text=True, check=False
     )
@@ -40,23 +39,12 @@ def run(*arguments: str) -> subprocess.CompletedProcess:
 @pytest.mark.slow
 def test_every_benchmark_runs(tmp_path):
     """Once and untimed, but for those that take minutes; the cheapest one is timed."""
-    pytest.importorskip(
-        "pytest_benchmark",
-        reason="pytest-benchmark comes with the extras bench and dev",
-    )
-    done = run(
-        "--benchmark-disable",
-        "-k",
-        "not growth and not batch and not live and not paper",
-    )
+    quick = "not growth and not batch and not live and not paper"
+    done = run("--benchmark-disable", "-k", quick)
     assert done.returncode == 0, done.stdout + done.stderr
     written = tmp_path / "figures.json"
-    done = run(
-        "-k",
-        "test_inverse_pcc",
-        "--benchmark-max-time=0.01",
-        f"--benchmark-json={written}",
-    )
+    options = ("--benchmark-max-time=0.01", f"--benchmark-json={written}")
+    done = run("-k", "test_inverse_pcc", *options)
     assert "1 passed" in done.stdout, done.stdout + done.stderr
     figures = json.loads(written.read_text())
     assert [entry["name"] for entry in figures["benchmarks"]] == ["test_inverse_pcc"]
@@ -67,10 +55,6 @@ def test_every_benchmark_runs(tmp_path):
 
 @pytest.mark.slow
 def test_a_missing_gpu_is_rejected():
-    pytest.importorskip(
-        "pytest_benchmark",
-        reason="pytest-benchmark comes with the extras bench and dev",
-    )
     if any(device.platform == "gpu" for device in jax.devices()):
         pytest.skip("there is a GPU here")
     done = run("--device", "gpu", "--collect-only")
@@ -117,7 +101,6 @@ def test_operation_counts_match_hand_counts(
 
 
 def test_nested_programs_count_and_a_linear_solve_counts_once(count_operations):
-    found = count_operations(jax.jit(lambda a: jnp.linalg.solve(a, a[0])), SQUARE)[
-        "arithmetic"
-    ]
+    solve = jax.jit(lambda a: jnp.linalg.solve(a, a[0]))
+    found = count_operations(solve, SQUARE)["arithmetic"]
     assert 2 / 3 * 6**3 <= found <= 2 / 3 * 6**3 + 3 * 36

@@ -53,10 +53,17 @@ def test_planning_loads_a_small_part_of_the_package(loaded_by_planning):
     assert 2000 < lines <= MAX_LINES
 
 
-def test_the_package_alone_loads_neither_jax_nor_mujoco():
-    names = loaded("s2c2a")
+@pytest.mark.parametrize(
+    ("package", "large"),
+    [
+        ("s2c2a", {"jax", "mujoco", "numpy"}),
+        ("s2c2a.viz", {"matplotlib", "jax", "scipy"}),
+    ],
+)
+def test_a_package_loads_no_large_one_before_its_use(package, large):
+    names = loaded(package)
     assert "s2c2a.execution.jax_settings" in names
-    assert {"jax", "mujoco", "numpy"}.isdisjoint(names)
+    assert (large | {"mujoco"}).isdisjoint(names)
 
 
 WITHOUT_WINGS = """

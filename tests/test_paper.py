@@ -1,6 +1,5 @@
 """The paper in one file computes what the recipe `paper` does, with the same weights."""
 
-from dataclasses import replace
 from functools import partial
 
 import equinox as eqx
@@ -87,9 +86,8 @@ def recording():
 
 def test_configurations_from_encoders_are_those_of_the_recipe():
     measured = np.concatenate([displacements(0, 50), np.zeros((1, 3, 3), np.float32)])
-    expected = configuration_map_for(TWIN).configurations(
-        Reading(0.0, {"cables": measured})
-    )
+    reading = Reading(0.0, {"cables": measured})
+    expected = configuration_map_for(TWIN).configurations(reading)
     close(paper.configurations_from_encoders(TWIN, jnp.asarray(measured)), expected)
 
 
@@ -191,12 +189,8 @@ def test_the_plan_is_that_of_the_recipe(seed):
 
 
 def test_control_steps_are_those_of_the_recipe():
-    trained = {
-        "C2S": Trained(C2S_RECIPE),
-        "C2A": Trained(C2A_RECIPE),
-    }
-    recipe = replace(RECIPES["paper"])
-    strategy = s2c2a_strategy(TrainedNetworks(TWIN, recipe, 0, trained))
+    trained = {"C2S": Trained(C2S_RECIPE), "C2A": Trained(C2A_RECIPE)}
+    strategy = s2c2a_strategy(TrainedNetworks(TWIN, RECIPES["paper"], 0, trained))
     measured = displacements(16, 4)
     strategy.start(Reading(0.0, {"cables": measured[0]}))
     planned = paper.configurations_from_encoders(TWIN, measured[0])

@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -75,10 +76,8 @@ def unnamed_encodings(text: str) -> list[str]:
 
 
 def test_a_call_without_an_encoding_is_found():
-    assert unnamed_encodings("path.open('w')\npath.read_text()") == [
-        "path.open('w')",
-        "path.read_text()",
-    ]
+    lines = ["path.open('w')", "path.read_text()"]
+    assert unnamed_encodings("\n".join(lines)) == lines
     assert unnamed_encodings("open(path, 'wb')\npath.read_text('utf-8')") == []
 
 
@@ -121,22 +120,14 @@ def test_an_interrupt_is_repeated_without_ending_the_process(monkeypatch):
     monkeypatch.setattr(interrupts.os, "name", "nt")
     monkeypatch.setattr(interrupts.os, "kill", pytest.fail)
     monkeypatch.setattr(signal, "raise_signal", sent.append)
-    monkeypatch.setattr(
-        interrupts.threading, "Timer", lambda _, call, given: _Now(call, given)
-    )
+
+    def timer(_, call, given):
+        """One that does not wait."""
+        return SimpleNamespace(start=lambda: call(*given))
+
+    monkeypatch.setattr(interrupts.threading, "Timer", timer)
     interrupts._repeat_interrupt()
     assert sent == [signal.SIGINT]
-
-
-class _Now:
-    """A timer that does not wait."""
-
-    def __init__(self, call, given):
-        self._call = call
-        self._given = given
-
-    def start(self):
-        self._call(*self._given)
 
 
 def test_control_c_ends_the_wait_of_pages(monkeypatch):

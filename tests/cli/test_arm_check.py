@@ -8,14 +8,23 @@ from s2c2a.cli.arm import check
 from s2c2a.errors import S2C2AError
 
 
-def test_servos_and_tracking_of_an_arm_file_are_named(tmp_path, capsys):
-    twin = load_arm("twin_arm")
+@pytest.fixture
+def checked(twin, tmp_path, capsys):
+    """Check an arm with changes, the twin by default; return what is printed."""
+
+    def run(arm=twin, **changes) -> str:
+        path = tmp_path / "mine.toml"
+        save_arm(arm.model_copy(update=changes), path, overwrite=True)
+        check(str(path))
+        return capsys.readouterr().out
+
+    return run
+
+
+def test_servos_and_tracking_of_an_arm_file_are_named(twin, checked):
     servos = servos_of(twin).model_copy(update={"port": "/dev/ttyUSB0"})
     tracking = Tracking(source="natnet:10.0.0.2", ends=("", "", "tip"))
-    path = tmp_path / "mine.toml"
-    save_arm(twin.model_copy(update={"servos": servos, "tracking": tracking}), path)
-    check(str(path))
-    output = capsys.readouterr().out
+    output = checked(servos=servos, tracking=tracking)
     assert "servos: 9 xl330-m288 (dynamixel) on /dev/ttyUSB0" in output
     assert "tracking: base, tip by natnet:10.0.0.2" in output
 
@@ -31,44 +40,27 @@ def test_servos_and_tracking_of_an_arm_file_are_named(tmp_path, capsys):
         ),
     ],
 )
-def test_a_sensor_that_does_not_exist_is_refused(sensing, reason, tmp_path):
-    path = tmp_path / "mine.toml"
-    twin = load_arm("twin_arm")
-    save_arm(twin.model_copy(update={"sensing": sensing}), path)
+def test_a_sensor_that_does_not_exist_is_refused(sensing, reason, checked):
     with pytest.raises(S2C2AError, match=reason):
-        check(str(path))
+        checked(sensing=sensing)
 
 
-def test_a_package_that_a_sensor_needs_is_asked_for(tmp_path, capsys, monkeypatch):
-    twin = load_arm("twin_arm")
+def test_a_package_that_a_sensor_needs_is_asked_for(twin, checked, monkeypatch):
     sensors = twin.sensors.model_copy(update={"imu": Inertial()})
-    path = tmp_path / "mine.toml"
-    save_arm(twin.model_copy(update={"sensors": sensors}), path)
     monkeypatch.setattr("s2c2a.cli.arm.find_spec", lambda name: None)
-    check(str(path))
-    assert "[sensors.imu] needs the package vqf" in capsys.readouterr().out
+    assert "[sensors.imu] needs the package vqf" in checked(sensors=sensors)
 
 
-def test_unusual_values_are_asked_about(tmp_path, capsys):
-    twin = load_arm("twin_arm")
-    modules = [
-        module.model_copy(update={"damping_time": 0.005}) for module in twin.modules
-    ]
-    path = tmp_path / "mine.toml"
-    save_arm(twin.model_copy(update={"modules": tuple(modules)}), path)
-    check(str(path))
-    assert "unusual: a damping ratio below 0.03" in capsys.readouterr().out
-    check("twin_arm")
-    assert "unusual" not in capsys.readouterr().out
+def test_unusual_values_are_asked_about(twin, checked):
+    module = twin.modules[0].model_copy(update={"damping_time": 0.005})
+    output = checked(modules=(module,) * 3)
+    assert "unusual: a damping ratio below 0.03" in output
+    assert "unusual:" not in checked()  # the path has the name of this test
 
 
-def test_check_says_how_far_pressures_bend_an_arm(tmp_path, capsys):
+def test_check_says_how_far_pressures_bend_an_arm(checked):
     arm = load_arm("pneumatic_arm")
     weak = arm.modules[1].model_copy(update={"chamber_area": 3e-5})
-    modules = (arm.modules[0], weak)
-    path = tmp_path / "weak.toml"
-    save_arm(arm.model_copy(update={"modules": modules}), path)
-    check(str(path))
-    out = capsys.readouterr().out
+    out = checked(arm, modules=(arm.modules[0], weak))
     assert "full pressure_limit bends the modules by about 46, 5 deg" in out
     assert "bend_limit_deg: 70, 70" in out

@@ -5,14 +5,15 @@ import inspect
 import os
 import pkgutil
 import signal
+from functools import partial
+from pathlib import Path
 
 import pytest
 
-from s2c2a import data, jobs
 from s2c2a.cli.arm import check_contract
 from s2c2a.cli.collect import collect
 from s2c2a.cli.run import run
-from s2c2a.lab.cli import tracking_calibration
+from s2c2a.lab.cli.tracking_calibration import frames, latency
 from s2c2a.runtime import EMERGENCY_STOP, EmergencyStopError
 
 pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGUSR1"), reason="needs SIGUSR1")
@@ -23,34 +24,26 @@ def signal_this_process(*_, **__):
     EMERGENCY_STOP.check()
 
 
-def test_a_signal_stops_a_recording(monkeypatch, tmp_path):
-    monkeypatch.setattr(data, "collect", signal_this_process)
-    with pytest.raises(EmergencyStopError, match="SIGUSR1"):
-        collect(tmp_path / "arm.episodes")
+MOTIONS = "s2c2a.lab.tracking.calibration_motions"
+TRACKED = {"arm": "twin_arm", "robot": "sim", "tracking": "udp:9763"}
 
 
-def test_a_signal_stops_a_run(monkeypatch, tmp_path):
+@pytest.mark.parametrize(
+    ("work", "command"),
+    [
+        ("s2c2a.data.collect", partial(collect, Path("arm.episodes"))),
+        ("s2c2a.jobs.make_all", partial(run, "circle", strategy=("pcc",))),
+        ("s2c2a.runtime.check_robot", check_contract),
+        (f"{MOTIONS}.measure_latency", partial(latency, **TRACKED)),
+        (f"{MOTIONS}.measure_frames", partial(frames, **TRACKED)),
+    ],
+)
+def test_a_signal_stops_a_command(work, command, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(jobs, "make_all", signal_this_process)
-    with pytest.raises(EmergencyStopError, match="SIGUSR1"):
-        run("circle", strategy=("pcc",))
-
-
-def test_a_signal_stops_the_check_of_a_robot(monkeypatch):
-    monkeypatch.setattr("s2c2a.runtime.check_robot", signal_this_process)
-    with pytest.raises(EmergencyStopError, match="SIGUSR1"):
-        check_contract()
-
-
-@pytest.mark.parametrize("verb", ["latency", "frames"])
-def test_a_signal_stops_the_calibration_of_a_tracker(monkeypatch, tmp_path, verb):
-    monkeypatch.chdir(tmp_path)
-    measure = f"s2c2a.lab.tracking.calibration_motions.measure_{verb}"
-    monkeypatch.setattr(measure, signal_this_process)
+    monkeypatch.setattr(work, signal_this_process)
     monkeypatch.setattr("s2c2a.lab.tracking.tracker_of", lambda source: None)
-    command = getattr(tracking_calibration, verb)
     with pytest.raises(EmergencyStopError, match="SIGUSR1"):
-        command("twin_arm", robot="sim", tracking="udp:9763")
+        command()
 
 
 def takes_a_robot(command) -> bool:
@@ -76,14 +69,7 @@ def test_no_command_that_moves_an_arm_is_forgotten_here():
         for name, function in inspect.getmembers(module, inspect.isfunction)
         if function.__module__ == module.__name__ and takes_a_robot(function)
     }
-    here = {
-        "collect",
-        "run",
-        "check_contract",
-        "latency",
-        "frames",
-        "session",
-    }
+    here = {"collect", "run", "check_contract", "latency", "frames", "session"}
     # `live` and `ros` obey the signal in their control process; `motors` has its own
     # tests (hardware/test_motors_in_memory.py)
     assert moving == here | {"live", "ros"}

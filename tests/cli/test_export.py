@@ -30,12 +30,8 @@ def exported(recording, out):
     export(recording, out)
     if out.suffix == ".npz":
         content = np.load(out)
-        prefix = "episode2."
-        second = {
-            name.removeprefix(prefix): content[name]
-            for name in content
-            if name.startswith(prefix)
-        }
+        names = [name for name in content if name.startswith("episode2.")]
+        second = {name.removeprefix("episode2."): content[name] for name in names}
     else:
         content = loadmat(out, simplify_cells=True)
         second = content["episode2"]
@@ -101,9 +97,8 @@ def test_missing_values_are_empty_cells(tmp_path):
     states = np.array(episode.sensor("states"))
     states[3, 1] = np.nan
     lost = replace(episode, columns={**episode.columns, "sensor.states": states})
-    short = replace(
-        episode, columns={name: episode[name] for name in ("time", "actions")}
-    )
+    columns = {name: episode[name] for name in ("time", "actions")}
+    short = replace(episode, columns=columns)
     path = tmp_path / "lost.episodes"
     save_episodes([lost, short], path, options)
     export(path, tmp_path / "lost.csv")
@@ -166,16 +161,17 @@ def test_an_exported_csv_is_imported_again_with_its_map(recording, tmp_path):
         np.testing.assert_allclose(found["actions"], actions[: len(found)], atol=2e-4)
 
 
-def test_another_ending_is_refused(recording, tmp_path):
-    with pytest.raises(S2C2AError, match="choose one of csv, parquet, npz, mat"):
-        export(recording, tmp_path / "two.xls")
-
-
-def test_a_form_is_asked_for_without_an_ending(recording, tmp_path):
-    with pytest.raises(S2C2AError, match="neither --to nor --out"):
-        export(recording)
-    with pytest.raises(S2C2AError, match="has no ending; add --to"):
-        export(recording, tmp_path / "two")
+@pytest.mark.parametrize(
+    ("out", "message"),
+    [
+        (None, "neither --to nor --out"),
+        ("two", "has no ending; add --to"),
+        ("two.xls", "choose one of csv, parquet, npz, mat"),
+    ],
+)
+def test_a_form_that_is_not_known_is_asked_for(recording, tmp_path, out, message):
+    with pytest.raises(S2C2AError, match=message):
+        export(recording, out and tmp_path / out)
 
 
 def test_a_form_by_name_is_written_to_the_current_folder(

@@ -21,13 +21,6 @@ def said(capsys, line: str) -> str:
     return " ".join(capsys.readouterr().out.split())
 
 
-def refusal(capsys, line: str) -> str:
-    with pytest.raises(SystemExit) as stopped:
-        main(["reach", *line.split()])
-    assert stopped.value.code == 2
-    return capsys.readouterr().err
-
-
 @pytest.fixture
 def path(tmp_path):
     file = tmp_path / "path.csv"
@@ -107,13 +100,13 @@ def test_a_map_is_drawn(what, path, tmp_path, capsys):
     ],
 )
 def test_bad_input_is_refused_before_the_search(
-    line, message, path, monkeypatch, capsys
+    line, message, path, monkeypatch, refusal
 ):
     monkeypatch.chdir(path.parent)
-    assert message in refusal(capsys, line)
+    assert message in refusal("reach", *line.split())
 
 
-def test_a_model_without_payloads_is_named(capsys):
+def test_a_model_without_payloads_is_named(refusal):
     weights = FIXTURES / "paper.safetensors"
     line = f"--target 0 0 0.5 --weights {weights} --payload-g 50"
-    assert "does not depend on payloads" in refusal(capsys, line)
+    assert "does not depend on payloads" in refusal("reach", *line.split())

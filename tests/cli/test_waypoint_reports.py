@@ -7,11 +7,7 @@ import jax.numpy as jnp
 import pytest
 
 from s2c2a.arm import load_arm
-from s2c2a.cli.run import (
-    _describe_reach,
-    _reach_model,
-    _report_waypoints,
-)
+from s2c2a.cli.run import _describe_reach, _reach_model, _report_waypoints
 from s2c2a.models.forward_model import ForwardModel, PCCForwardModel
 from s2c2a.planning.reach import Reachability
 from s2c2a.strategies import TrainedNetworks, recipe_named, save_networks
@@ -31,39 +27,40 @@ def written(tmp_path, *rows):
     return str(path)
 
 
+def reported(capsys, task, model=None):
+    _report_waypoints(task, TWIN, model)
+    return capsys.readouterr().out
+
+
 def test_waypoints_behind_the_base_are_explained(tmp_path, capsys):
-    _report_waypoints(written(tmp_path, "0,0,0,-0.6", "4,0.1,0,-0.5"), TWIN, None)
-    printed = capsys.readouterr().out
+    path = written(tmp_path, "0,0,0,-0.6", "4,0.1,0,-0.5")
+    printed = reported(capsys, path)
     assert "out of reach by up to " in printed
     assert "of the tip" in printed
     assert "(2 of 2)" in printed
     assert "z grows from the base toward the tip" in printed
-    _report_waypoints(str(tmp_path / "path.csv"), TWIN, ARCS)
-    printed = capsys.readouterr().out
+    printed = reported(capsys, path, ARCS)
     assert "out of reach" not in printed  # the model says it for targets
     assert "z grows from the base toward the tip" in printed
 
 
 def test_reachable_waypoints_are_silent(tmp_path, capsys):
-    _report_waypoints(written(tmp_path, "0,0,0,0.6", "4,0.1,0,0.58"), TWIN, None)
-    assert capsys.readouterr().out == ""
+    path = written(tmp_path, "0,0,0,0.6", "4,0.1,0,0.58")
+    assert reported(capsys, path) == ""
 
 
 def test_a_pace_in_the_name_reports_the_same(tmp_path, capsys):
     path = written(tmp_path, "0,0,0,-0.6", "4,0.9,0,0.5")
-    _report_waypoints(path, TWIN, None)
-    without = capsys.readouterr().out
-    _report_waypoints(f"{path}@0.5", TWIN, None)
+    without = reported(capsys, path)
     assert without
-    assert capsys.readouterr().out == without
+    assert reported(capsys, f"{path}@0.5") == without
 
 
 @pytest.mark.slow
 def test_many_waypoints_out_of_reach_take_one_line(tmp_path, capsys):
     far = {3, 4, 5, 8, 11, 12}
     rows = [f"{time},{0.9 if time in far else 0},0,0.6" for time in range(14)]
-    _report_waypoints(written(tmp_path, *rows), TWIN, None)
-    printed = capsys.readouterr().out
+    printed = reported(capsys, written(tmp_path, *rows))
     assert printed.count("\n") == 1
     assert "out of reach by up to " in printed
     assert "of the tip" in printed

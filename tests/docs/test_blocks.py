@@ -57,10 +57,8 @@ def run_page(page) -> list[str]:
 
 def faults_of(lines: Iterable[CommandLine]) -> dict[str, str]:
     """Command lines that do not parse, and why."""
-    faults = {
-        f"{line.place}: s2c2a {' '.join(line.words)}": fault_of(line) for line in lines
-    }
-    return {line: fault for line, fault in faults.items() if fault}
+    found = [(line, fault_of(line)) for line in lines]
+    return {f"{line.place}: {line.words}": fault for line, fault in found if fault}
 
 
 @pytest.mark.parametrize("page", all_pages(), ids=name_of)
@@ -86,12 +84,9 @@ def test_every_block_of_a_page_has_a_valid_mark(page):
 def test_quick_python_blocks_run(page, monkeypatch):
     monkeypatch.setattr(page_blocks, "BLOCK_LIMIT", WAIT)
     with begun(ROOT / page) as document:
-        quick = [
-            example
-            for example in document
-            if any(word in str(example.parsed) for word in QUICK[page])
-        ]
-        assert len(quick) == len(QUICK[page])
+        words = QUICK[page]
+        quick = [each for each in document if any(w in str(each.parsed) for w in words)]
+        assert len(quick) == len(words)
         for example in quick:
             example.evaluate()
 
@@ -195,54 +190,30 @@ def test_a_block_beyond_its_limit_is_stopped(page, monkeypatch):
 
 
 def test_python_blocks_share_a_namespace_and_errors_name_lines_of_the_page(page):
-    python = page(
-        "```python",
-        "x = 1",
-        "```",
-        "```python",
-        "print(x)",
-        "raise ValueError('wrong')",
-        "```",
-    )
+    second = "print(x)\nraise ValueError('wrong')"
+    python = page("```python", "x = 1", "```", "```python", second, "```")
     with begun(python) as document:
-        first, second = document
-        first.evaluate()
+        defining, failing = document
+        defining.evaluate()
         with pytest.raises(ValueError, match="wrong") as error:
-            second.evaluate()
+            failing.evaluate()
     last = error.traceback[-1]
     assert (last.path, last.lineno + 1) == (python, 6)
 
 
 def test_files_are_written_into_the_folder_of_the_page(page):
-    written = page(
-        "<!-- file: a/b.toml -->",
-        "```toml",
-        "x = 1",
-        "```",
-        "<!-- append: a/b.toml -->",
-        "```toml",
-        "y = 2",
-        "```",
-        "```python",
-        "assert open('a/b.toml').read() == 'x = 1\\ny = 2\\n'",
-        "```",
-    )
+    first = ["<!-- file: a/b.toml -->", "```toml", "x = 1", "```"]
+    further = ["<!-- append: a/b.toml -->", "```toml", "y = 2", "```"]
+    use = "assert open('a/b.toml').read() == 'x = 1\\ny = 2\\n'"
+    written = page(*first, *further, "```python", use, "```")
     assert run_page(written) == [""] * 3
 
 
 def test_a_module_of_one_page_is_not_that_of_the_next(page):
     for value in (1, 2):
-        importing = page(
-            "<!-- file: own_part.py -->",
-            "```python",
-            f"x = {value}",
-            "```",
-            "```python",
-            "import own_part",
-            f"assert own_part.x == {value}",
-            "```",
-        )
-        assert run_page(importing) == ["", ""]
+        own = ["<!-- file: own_part.py -->", "```python", f"x = {value}", "```"]
+        use = f"import own_part\nassert own_part.x == {value}"
+        assert run_page(page(*own, "```python", use, "```")) == ["", ""]
 
 
 def test_commands_that_are_not_shown_run_first(page):
@@ -250,16 +221,15 @@ def test_commands_that_are_not_shown_run_first(page):
     assert run_page(hidden) == ["", ""]
 
 
+def background(folder) -> list[str]:
+    """A block that goes on beside the others, and writes the number of its process."""
+    program = f"echo $$ > {folder}/pid; echo ready; sleep 600"
+    return ["<!-- in background -->", "```sh", program, "```"]
+
+
 def test_a_background_program_runs_beside_later_blocks_and_is_ended(page, tmp_path):
-    beside = page(
-        "<!-- in background -->",
-        "```sh",
-        f"echo $$ > {tmp_path}/pid; echo ready; sleep 600",
-        "```",
-        "```sh",
-        f"kill -0 $(cat {tmp_path}/pid)",
-        "```",
-    )
+    use = f"kill -0 $(cat {tmp_path}/pid)"
+    beside = page(*background(tmp_path), "```sh", use, "```")
     began = time.monotonic()
     assert run_page(beside) == ["", ""]
     assert time.monotonic() > began + QUIET
@@ -273,16 +243,9 @@ def test_a_background_program_that_ends_at_once_fails(page, capsys):
 
 
 def test_the_background_ends_where_the_page_says_so(page, tmp_path):
-    ended = page(
-        "<!-- in background -->",
-        "```sh",
-        f"echo $$ > {tmp_path}/pid; echo ready; sleep 600",
-        "```",
-        "<!-- background ends -->",
-        "```sh",
-        f"! kill -0 $(cat {tmp_path}/pid) 2> /dev/null",
-        "```",
-    )
+    end = "<!-- background ends -->"
+    use = f"! kill -0 $(cat {tmp_path}/pid) 2> /dev/null"
+    ended = page(*background(tmp_path), end, "```sh", use, "```")
     assert run_page(ended) == [""] * 3
 
 

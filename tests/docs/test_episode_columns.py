@@ -49,13 +49,12 @@ def sensing_arm(twin) -> ArmSpec:
 
 @pytest.fixture(scope="module")
 def recorded(sensing_arm, tmp_path_factory) -> Episode:
-    recording = collect(
-        tmp_path_factory.mktemp("reference") / "sensors.episodes",
-        sensing_arm,
-        lambda seed: SimulatedRobot(sensing_arm, seed=seed, center_line=True),
-        CollectOptions(episodes=1, samples=4),
-    )
-    return recording.episodes[0]
+    def robot(seed):
+        return SimulatedRobot(sensing_arm, seed=seed, center_line=True)
+
+    path = tmp_path_factory.mktemp("reference") / "sensors.episodes"
+    options = CollectOptions(episodes=1, samples=4)
+    return collect(path, sensing_arm, robot, options).episodes[0]
 
 
 @pytest.fixture(scope="module")
@@ -68,9 +67,8 @@ def run(twin) -> Episode:
 def estimate_columns() -> dict[str, np.ndarray]:
     """Columns of an estimator that uses a camera."""
     estimate = Estimate.of(np.tile([0.0, 0.0, 1.0], (3, 1)), 0.05)
-    estimate = estimate._replace(
-        external_force=jnp.zeros(()), rejected={"NAME": jnp.zeros(())}
-    )
+    zero = jnp.zeros(())
+    estimate = estimate._replace(external_force=zero, rejected={"NAME": zero})
     return estimate.diagnostics()
 
 

@@ -15,30 +15,23 @@ LONGEST_CELL = 900  # s, on a busy machine
 def executed(tmp_path_factory):
     notebook = nbformat.read(TOUR, as_version=4)
     folder = tmp_path_factory.mktemp("tour")
-    client = NotebookClient(
-        notebook,
-        timeout=LONGEST_CELL,
-        kernel_name="python3",
-        resources={"metadata": {"path": str(folder)}},
-    )
-    client.execute()
+    here = {"metadata": {"path": str(folder)}}
+    options = {"timeout": LONGEST_CELL, "kernel_name": "python3", "resources": here}
+    NotebookClient(notebook, **options).execute()
     return notebook, folder
 
 
-def printed(notebook) -> str:
-    return "".join(
-        output.text
-        for cell in notebook.cells
-        if cell.cell_type == "code"
-        for output in cell.outputs
-        if output.output_type == "stream"
-    )
+def outputs_of(notebook) -> list:
+    codes = [cell for cell in notebook.cells if cell.cell_type == "code"]
+    return [output for cell in codes for output in cell.outputs]
 
 
 @pytest.mark.slow
 def test_networks_follow_the_circle_better_than_arcs(executed):
     notebook, _ = executed
-    errors = dict(re.findall(r"(\S+): ([\d.]+) cm from the circle", printed(notebook)))
+    outputs = outputs_of(notebook)
+    printed = [each.text for each in outputs if each.output_type == "stream"]
+    errors = dict(re.findall(r"(\S+): ([\d.]+) cm from the circle", "".join(printed)))
     assert set(errors) == {"s2c2a", "pcc"}
     assert float(errors["s2c2a"]) < float(errors["pcc"])
 
@@ -46,14 +39,8 @@ def test_networks_follow_the_circle_better_than_arcs(executed):
 @pytest.mark.slow
 def test_figures_are_shown_in_the_notebook(executed):
     notebook, _ = executed
-    pictures = [
-        output
-        for cell in notebook.cells
-        if cell.cell_type == "code"
-        for output in cell.outputs
-        if "image/png" in output.get("data", {})
-    ]
-    assert len(pictures) == 3
+    kinds = [kind for each in outputs_of(notebook) for kind in each.get("data", {})]
+    assert kinds.count("image/png") == 3
 
 
 @pytest.mark.slow

@@ -22,16 +22,11 @@ def test_a_page_quotes_its_example(page, example):
 
 def test_every_example_stands_on_a_page():
     files = ("docs/**/*.md", "README.md")
-    pages = "".join(
-        page.read_text(encoding="utf-8")
-        for pattern in files
-        for page in ROOT.glob(pattern)
-    )
+    found = [page for pattern in files for page in ROOT.glob(pattern)]
+    pages = "".join(page.read_text(encoding="utf-8") for page in found)
     examples = ROOT / "examples"
     scripts = [path for path in examples.iterdir() if path.suffix in (".py", ".ipynb")]
-    parts = [
-        path for name in ("arms", "extending") for path in examples.glob(f"{name}/*.*")
-    ]
+    parts = [*examples.glob("arms/*.*"), *examples.glob("extending/*.*")]
     assert len(scripts) > 6
     assert len(parts) > 10
     missing = [f"examples/{path.name}" for path in scripts] + [p.name for p in parts]

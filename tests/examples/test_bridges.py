@@ -3,13 +3,13 @@
 import math
 import runpy
 import sys
-import time
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
 import pytest
 
 from s2c2a.lab.tracking import UdpTracker
+from waiting import until
 
 FOLDER = Path(__file__).parents[2] / "examples" / "extending"
 POSITION = [0.01, 0.0, 0.2]
@@ -66,22 +66,18 @@ def ros2():
                 callback(message)
         raise OverError
 
-    node = SimpleNamespace(
-        create_subscription=lambda kind, topic, callback, depth: callbacks.append(
-            callback
-        )
-    )
+    def subscribe(kind, topic, callback, depth):
+        callbacks.append(callback)
+
+    node = SimpleNamespace(create_subscription=subscribe)
     rclpy = module("rclpy", init=lambda: None, create_node=lambda _: node, spin=spin)
     messages = module("geometry_msgs.msg", PoseStamped=object)
-    return {
-        "rclpy": rclpy,
-        "geometry_msgs": module("geometry_msgs"),
-        "geometry_msgs.msg": messages,
-    }
+    package = module("geometry_msgs")
+    return {"rclpy": rclpy, package.__name__: package, messages.__name__: messages}
 
 
 def lsl():
-    samples = [([*POSITION, *ROTATION] * 2, 1.0), ([*POSITION, *ROTATION] * 2, 1.1)]
+    samples = [([*POSITION, *ROTATION] * 2, time) for time in (1.0, 1.1)]
 
     def pull_sample():
         if not samples:
@@ -117,10 +113,7 @@ def test_the_tracker_accepts_what_a_bridge_sends(name, monkeypatch):
     with UdpTracker(port=0) as tracker:
         with pytest.raises(OverError):
             run(name, tracker.address[1], monkeypatch)
-        end = time.monotonic() + 10.0
-        while tracker.counts.accepted < 2:
-            assert time.monotonic() < end, tracker.problem
-            time.sleep(0.002)
+        until(lambda: tracker.counts.accepted >= 2, seconds=10.0)
         frame = tracker.latest()
     assert frame.number == 1
     assert set(frame.poses) == {"base", "end-1"}

@@ -19,16 +19,12 @@ SERVOS = {"4": 0, "3": 0, "9": 0, "5": 1, "2": 1, "8": 1, "6": 2, "1": 2, "7": 2
 @pytest.fixture
 def short_map(tmp_path):
     """The map of opencr_v4 for its first rows, with known modules, which is faster."""
-    text = (
-        (DATA / "opencr_v4" / "map.toml")
-        .read_text()
-        .replace("[rows]", "[rows]\nrows = 300", 1)
-    )
+    text = (DATA / "opencr_v4" / "map.toml").read_text()
+    text = text.replace("[rows]", "[rows]\nrows = 300", 1)
     text = text.replace("modules = 3", "modules = 3\ncoupled_cables = true")
     for servo, module in SERVOS.items():
-        text = text.replace(
-            f'"servo_{servo}_mm"', f'"servo_{servo}_mm"\nmodule = {module}'
-        )
+        name = f'"servo_{servo}_mm"'
+        text = text.replace(name, f"{name}\nmodule = {module}")
     path = tmp_path / "short.toml"
     path.write_text(text)
     return path
@@ -42,11 +38,12 @@ def test_every_map_is_valid_and_names_source_and_license(path):
 
 
 @pytest.mark.slow
-def test_an_opencr_log_becomes_a_recording_and_an_arm(short_map, tmp_path, capsys):
+def test_an_opencr_log_becomes_a_recording_and_an_arm(
+    short_map, tmp_path, refusal, capsys
+):
     out = tmp_path / "opencr.episodes"
-    command = (
-        f"import {DATA / 'opencr_v4' / 'train.csv.gz'} --map {short_map} --out {out}"
-    ).split()
+    logs = DATA / "opencr_v4"
+    command = f"import {logs / 'train.csv.gz'} --map {short_map} --out {out}".split()
     main(command)
     output = capsys.readouterr().out
     assert "1 episode of 300 steps" in output
@@ -65,21 +62,13 @@ def test_an_opencr_log_becomes_a_recording_and_an_arm(short_map, tmp_path, capsy
     assert np.isfinite(states[:, 2, :3]).all()
     assert np.isnan(states[:, :2]).all()
     assert np.isfinite(drawable(states, recording.arm)).all()
-    with pytest.raises(SystemExit):
-        main(command)
-    assert "--overwrite" in capsys.readouterr().err
+    assert "--overwrite" in refusal(*command)
     other = tmp_path / "val.episodes"
-    repeated = [
-        "import",
-        str(DATA / "opencr_v4" / "val.csv.gz"),
-        *command[2:4],
-        *f"--like {out} --overwrite".split(),
-    ]
+    repeated = ["import", str(logs / "val.csv.gz"), *command[2:4]]
+    repeated += ["--like", str(out), "--overwrite"]
     for _ in range(2):
         main([*repeated, "--out", str(other)])
         assert "mm from where it was then" in capsys.readouterr().out
-    with pytest.raises(SystemExit):
-        main([*repeated, "--out", str(out)])
-    assert "choose another name" in capsys.readouterr().err
+    assert "choose another name" in refusal(*repeated, "--out", str(out))
     assert load_recording(other).arm == recording.arm
     assert not (tmp_path / "val.arm.toml").exists()

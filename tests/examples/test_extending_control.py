@@ -1,6 +1,5 @@
 """Own estimators, sensors with a formula, controllers and strategies, by command line."""
 
-import json
 from importlib import resources
 from pathlib import Path
 
@@ -22,27 +21,16 @@ def waypoints(tmp_path_factory) -> Path:
     return path
 
 
-def errors_of(folder: Path) -> dict[str, float]:
-    """Mean position error [cm] of every strategy."""
-    rows = json.loads((folder / "results.json").read_text())
-    return {row["strategy"]: row["mean"] for row in rows if row["metric"] == "position"}
-
-
-def run(task: Path, out: Path, *options: str) -> dict[str, float]:
-    main(["run", str(task), "--out", str(out), *options])
-    return errors_of(out)
+@pytest.mark.slow
+def test_an_own_estimator_is_named_by_a_recipe(waypoints, run_errors):
+    options = ("--weights", WEIGHTS, "--recipe", EXTENDING / "own_estimator.toml")
+    assert run_errors(waypoints, *options)["s2c2a"] < 3.0
 
 
 @pytest.mark.slow
-def test_an_own_estimator_is_named_by_a_recipe(waypoints, tmp_path):
-    recipe = EXTENDING / "own_estimator.toml"
-    options = ("--weights", str(WEIGHTS), "--recipe", str(recipe))
-    errors = run(waypoints, tmp_path / "run", *options)
-    assert errors["s2c2a"] < 3.0
-
-
-@pytest.mark.slow
-def test_a_sensor_with_a_formula_is_named_by_the_arm_file(waypoints, tmp_path):
+def test_a_sensor_with_a_formula_is_named_by_the_arm_file(
+    waypoints, run_errors, tmp_path
+):
     arm = tmp_path / "string_arm.toml"
     main(["arm", "copy", "twin_arm", str(arm)])
     file = EXTENDING / "own_raw_sensor.py"
@@ -51,9 +39,8 @@ def test_a_sensor_with_a_formula_is_named_by_the_arm_file(waypoints, tmp_path):
     place = text.index("[[modules]]")
     table = tomli_w.dumps({"sensors": {"raw": [entry]}})
     arm.write_text(f"{text[:place]}{table}\n{text[place:]}")
-    options = ("--arm", str(arm), "--weights", str(WEIGHTS), "--payload", "0.05")
     robot = ("--robot", f"{file}:StringArm", "--robot-option", "payload=0.05")
-    errors = run(waypoints, tmp_path / "run", *options[:4], *robot)
+    errors = run_errors(waypoints, "--arm", arm, "--weights", WEIGHTS, *robot)
     assert errors["s2c2a"] < 3.0
 
 
@@ -65,7 +52,9 @@ def recording(tmp_path_factory) -> Path:
 
 
 @pytest.mark.slow
-def test_an_own_controller_is_trained_saved_and_run(recording, waypoints, tmp_path):
+def test_an_own_controller_is_trained_saved_and_run(
+    recording, waypoints, run_errors, tmp_path
+):
     recipe = tmp_path / "quick.toml"
     own = f"{EXTENDING / 'own_controller.py'}:LinearOptions"
     quick = {"learning_rate": 1e-2, "max_epochs": 4, "epochs_per_call": 4}
@@ -73,34 +62,22 @@ def test_an_own_controller_is_trained_saved_and_run(recording, waypoints, tmp_pa
     recipe.write_text(tomli_w.dumps(table))
     weights = tmp_path / "mine.safetensors"
     main(["train", str(recording), "--recipe", str(recipe), "--out", str(weights)])
-    options = ("--weights", str(weights), "--trust", own)
-    assert run(waypoints, tmp_path / "run", *options)["s2c2a"] < 10.0
+    errors = run_errors(waypoints, "--weights", weights, "--trust", own)
+    assert errors["s2c2a"] < 10.0
 
 
 @pytest.mark.slow
-def test_an_own_strategy_is_trained_and_compared_in_one_table(
-    recording, waypoints, tmp_path
+@pytest.mark.parametrize(
+    "name",
+    [f"{EXTENDING / 'own_strategy.py'}:ResolvedRate", "pcc-fitted"],
+    ids=["own", "fitted"],
+)
+def test_a_strategy_is_trained_and_compared_in_one_table(
+    name, recording, waypoints, run_errors, tmp_path
 ):
-    own = f"{EXTENDING / 'own_strategy.py'}:ResolvedRate"
     weights = tmp_path / "own.safetensors"
-    main(["train", str(recording), "--strategy", own, "--out", str(weights)])
-    assert load_networks(weights).strategy == own.replace(
-        str(EXTENDING) + "/", ""
-    ).replace(".py", "")
-    errors = run(
-        waypoints,
-        tmp_path / "run",
-        *("--strategy", "pcc", own, "--weights", str(weights)),
-    )
-    assert set(errors) == {"pcc", own}
-    assert errors[own] < 10.0
-
-
-@pytest.mark.slow
-def test_pcc_with_fitted_gains_is_trained_from_a_recording(
-    recording, waypoints, tmp_path
-):
-    weights = tmp_path / "fitted.safetensors"
-    main(["train", str(recording), "--strategy", "pcc-fitted", "--out", str(weights)])
-    options = ("--strategy", "pcc-fitted", "--weights", str(weights))
-    assert run(waypoints, tmp_path / "run", *options)["pcc-fitted"] < 10.0
+    main(["train", str(recording), "--strategy", name, "--out", str(weights)])
+    assert load_networks(weights).strategy == Path(name).name.replace(".py", "")
+    errors = run_errors(waypoints, "--strategy", "pcc", name, "--weights", weights)
+    assert set(errors) == {"pcc", name}
+    assert errors[name] < 10.0

@@ -35,9 +35,7 @@ def test_a_custom_task_is_run_and_scored(tmp_path):
 )
 def test_an_invalid_custom_task_is_reported(function, message, tmp_path):
     file = tmp_path / f"odd_{function}.py"  # a module is imported once by its name
-    file.write_text(
-        "def fails(arm):\n    raise ValueError('half done')\n\n\n"
-        "def makes_a_number(arm):\n    return 3\n"
-    )
+    failing = "def fails(arm):\n    raise ValueError('half done')\n\n\n"
+    file.write_text(failing + "def makes_a_number(arm):\n    return 3\n")
     with pytest.raises(TargetError, match=message):
         load_task(f"{file}:{function}", load_arm("twin_arm"))

@@ -1,7 +1,7 @@
 """The Helix of the examples, with a small imitation of its bridge."""
 
 import json
-import time
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +11,7 @@ from s2c2a.arm import load_arm
 from s2c2a.cli.main import main
 from s2c2a.errors import RobotError
 from s2c2a.robots.factory import robot_class
+from waiting import until
 
 from helix_bridge import HelixBridge  # type: ignore[import-not-found]
 
@@ -18,6 +19,9 @@ FOLDER = Path(__file__).parents[2] / "examples" / "extending"
 ROBOT = f"{FOLDER / 'helix_robot.py'}:Helix"
 ARM = FOLDER / "helix.toml"
 BEND = np.array([[-0.01, 0.005, 0.005], [0.0, 0.002, -0.002], [0.0, 0.0, 0.0]])
+
+
+wait = partial(until, seconds=5.0)
 
 
 @pytest.fixture
@@ -119,10 +123,3 @@ def test_damaged_lengths_are_no_reading(content, bridge):
     text = json.dumps({"topic": "/helix/estimated/tendon_lengths", "msg": content})
     robot._hear(text)
     assert robot.read().fault
-
-
-def wait(condition, seconds=5.0):
-    end = time.monotonic() + seconds
-    while not condition() and time.monotonic() < end:
-        time.sleep(0.01)
-    assert condition()

@@ -201,9 +201,7 @@ def winch(arm, emulator, **options):
 
 def bend(share, arm):
     """An action that winds in the first cable of each module and pays out the second."""
-    action = np.zeros((arm.module_count, 2))
-    action[:] = [-share, share]
-    return action
+    return np.tile([-share, share], (arm.module_count, 1))
 
 
 def drive(robot, event):
@@ -340,11 +338,10 @@ def test_opening_moves_nothing_after_an_emergency_stop(emulator, arm):
 
 
 def test_a_port_without_the_sketch_is_reported(arm, monkeypatch):
-    monkeypatch.setitem(
-        robot_class(ROBOT)._wait_for_board.__globals__, "BOOT_TIME", 0.1
-    )
+    make = robot_class(ROBOT)
+    monkeypatch.setitem(make._wait_for_board.__globals__, "BOOT_TIME", 0.1)
     other, port = os.openpty()
-    robot = robot_class(ROBOT)(arm, port=os.ttyname(port))
+    robot = make(arm, port=os.ttyname(port))
     with pytest.raises(RobotError, match=r"nothing answered.*stepper_winch"):
         robot.open()
     robot.close()
@@ -377,9 +374,8 @@ def played(board, script):
 
 
 def positions_in(answers):
-    return np.array(
-        [list(map(int, words[1:-1])) for words in answers if words[0] == "P"]
-    )
+    known = [words[1:-1] for words in answers if words[0] == "P"]
+    return np.array(known).astype(int)
 
 
 def asked(until, script):
@@ -391,6 +387,10 @@ def asked(until, script):
 FAR = [10_000, -10_000, 120, -40]
 HOMED = (0, "H")
 SLOW = 200.0  # steps/s; the way to a limit takes longer than the watchdog
+WRONG_LINES = (
+    "M 300 0 0 0 30|M 300 0 0 0|M 300 0 0 0 0 300|M 300 0 0 0 300 |M300 0 0 0 300|"
+    f"M 3x0 0 0 0 300|m 300 0 0 0 300|M 300 0 0 0 300{' ' * 200}||SS"
+).split("|")
 SCRIPTS = {
     "targets beyond the limits": asked(
         900_000, [HOMED, *[(time, total(FAR)) for time in range(0, 900_000, 100_000)]]
@@ -412,24 +412,7 @@ SCRIPTS = {
         400_000,
         [
             HOMED,
-            *[
-                (1_000 * number, line)
-                for number, line in enumerate(
-                    [
-                        "M 300 0 0 0 30",
-                        "M 300 0 0 0",
-                        "M 300 0 0 0 0 300",
-                        "M 300 0 0 0 300 ",
-                        "M300 0 0 0 300",
-                        "M 3x0 0 0 0 300",
-                        "m 300 0 0 0 300",
-                        "M 300 0 0 0 300" + " " * 200,
-                        "",
-                        "SS",
-                    ],
-                    start=1,
-                )
-            ],
+            *[(1_000 * number, line) for number, line in enumerate(WRONG_LINES, 1)],
         ],
     ),
 }

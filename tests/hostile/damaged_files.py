@@ -22,6 +22,7 @@ import numpy as np
 
 # a file; bytes beyond the start; bytes in all
 SECONDS, MEMORY, MAX_RESIDENT = 20, 1_200_000_000, 1_500_000_000
+STATUS = Path("/proc/self/status")
 BAD = ("changed", "foreign", "hang", "crash", "memory")
 NASTY = [
     *b"1e308 -1 nan inf -inf NaN Infinity 1e999 0 1e-320 99999999999999999999".split(),
@@ -39,6 +40,7 @@ NASTY = [
     b"\n",
     b"\x00" * 40,
 ]
+VALUE = rb'-?\d[\d.eE+-]*|"[^"\n]{0,200}"|[A-Za-z_]{3,}'
 LINKS = ["/etc/passwd", "/dev/zero", "/dev/full", "/etc", "/proc/self/mem", "nowhere"]
 
 
@@ -81,18 +83,14 @@ def _episodes(whole: bool):
     from s2c2a.episodes import Episode, EpisodeWriter, save_episodes
 
     arm, random = load_arm("twin_arm"), np.random.default_rng(0)
-    every = [
-        Episode(
-            arm,
-            {
-                "time": np.arange(12) / 10,
-                "actions": random.normal(size=(12, 3, 3)),
-                "sensor.states": random.normal(size=(12, 3, 6)),
-            },
-            {"seed": seed},
-        )
-        for seed in range(4)
-    ]
+    every = []
+    for seed in range(4):
+        columns = {
+            "time": np.arange(12) / 10,
+            "actions": random.normal(size=(12, 3, 3)),
+            "sensor.states": random.normal(size=(12, 3, 6)),
+        }
+        every.append(Episode(arm, columns, {"seed": seed}))
 
     def grow(path: Path) -> None:
         writer = EpisodeWriter.create(path, arm, {"episodes": 4})
@@ -100,12 +98,10 @@ def _episodes(whole: bool):
             writer.append(episode)
         writer.close()
 
-    return [
-        _saved(
-            (lambda path: save_episodes(every, path, {"seed": 3})) if whole else grow,
-            "x.episodes",
-        )
-    ]
+    def save(path: Path) -> None:
+        save_episodes(every, path, {"seed": 3})
+
+    return [_saved(save if whole else grow, "x.episodes")]
 
 
 def _read_recording(path: Path) -> list[str]:
@@ -190,15 +186,8 @@ def _read_strategy(path: Path) -> list[str]:
         for leaf in jax.tree_util.tree_leaves(made.networks)
         if hasattr(leaf, "shape")
     ]
-    return [
-        _said(
-            made.arm,
-            made.recipe,
-            made.seed,
-            {name: each.percent for name, each in made.trained.items()},
-            *arrays,
-        )
-    ]
+    percent = {name: each.percent for name, each in made.trained.items()}
+    return [_said(made.arm, made.recipe, made.seed, percent, *arrays)]
 
 
 def _opened_strategy(content: bytes) -> list[bytes]:
@@ -235,14 +224,8 @@ def _read_table(path: Path) -> list[str]:
     goal = task.goals[-1]._asdict()
     assert np.isnan(goal.pop("preview")).all()
     assert all(np.isfinite(part).all() for part in goal.values())
-    return [
-        _said(
-            *(
-                (track.module, track.times, track.positions, track.axes)
-                for track in tracks
-            )
-        )
-    ]
+    parts = [(one.module, one.times, one.positions, one.axes) for one in tracks]
+    return [_said(*parts)]
 
 
 def _results() -> list[bytes]:
@@ -343,11 +326,8 @@ def _run(content, random) -> bytes:
 
 def _cut(content, random) -> bytes:
     begin, end = sorted((_place(content, random), _place(content, random)))
-    return bytes(
-        [content[:begin], content[:begin] + content[end:], content[begin:]][
-            random.integers(3)
-        ]
-    )
+    parts = [content[:begin], content[:begin] + content[end:], content[begin:]]
+    return bytes(parts[random.integers(3)])
 
 
 def _insert(content, random) -> bytes:
@@ -371,31 +351,22 @@ def _twice_or_swapped(content, random) -> bytes:
 
 def _length(content, random) -> bytes:
     """A giant length where one stands, or anywhere."""
-    marks = [
-        0,
-        *(found.end() for found in re.finditer(b"S2C2A\n", content)),
-        _place(content, random),
-    ]
+    stated = [found.end() for found in re.finditer(b"S2C2A\n", content)]
+    marks = [0, *stated, _place(content, random)]
     begin = marks[random.integers(len(marks))]
-    giant = [2**64 - 1, 2**63, 2**40, 5 * 10**9, 2**31, len(content)][
-        random.integers(6)
-    ]
+    giants = [2**64 - 1, 2**63, 2**40, 5 * 10**9, 2**31, len(content)]
+    giant = giants[random.integers(6)]
     return bytes(content[:begin] + giant.to_bytes(8, "little") + content[begin + 8 :])
 
 
 def _value(content, random) -> bytes:
     """A number or a word where another stood."""
-    found = list(
-        re.finditer(rb'-?\d[\d.eE+-]*|"[^"\n]{0,200}"|[A-Za-z_]{3,}', content[:200_000])
-    )
+    found = list(re.finditer(VALUE, content[:200_000]))
     if not found:
         return bytes(content)
     one = found[random.integers(len(found))]
-    return bytes(
-        content[: one.start()]
-        + NASTY[random.integers(len(NASTY))]
-        + content[one.end() :]
-    )
+    other = NASTY[random.integers(len(NASTY))]
+    return bytes(content[: one.start()] + other + content[one.end() :])
 
 
 def _header(content: bytes, random) -> bytes:
@@ -403,28 +374,14 @@ def _header(content: bytes, random) -> bytes:
     count = int.from_bytes(content[:8], "little")
     header, numbers = content[8 : 8 + count], content[8 + count :]
     if random.integers(4):
-        header = (
-            _value(bytearray(header), random)
-            if random.integers(4)
-            else damaged(header, random)
-        )
+        damage = _value if random.integers(4) else damaged
+        header = damage(bytearray(header), random)
     else:
         numbers = damaged(numbers, random)
     return len(header).to_bytes(8, "little") + header + numbers
 
 
-DAMAGES = (
-    _flip,
-    _run,
-    _cut,
-    _insert,
-    _twice_or_swapped,
-    _length,
-    _value,
-    _value,
-    _value,
-    _value,
-)
+DAMAGES = (_flip, _run, _cut, _insert, _twice_or_swapped, _length, *[_value] * 4)
 
 
 def make(form: Format, number: int, samples: list[bytes], path: Path) -> int:
@@ -504,12 +461,8 @@ def child(folder: Path) -> None:
 
 def max_resident() -> int:
     """Peak memory of this program [bytes]; `getrusage` would include its parent's."""
-    line = next(
-        line
-        for line in Path("/proc/self/status").read_text().splitlines()
-        if line.startswith("VmHWM")
-    )
-    return 1024 * int(line.split()[1])
+    (peak,) = re.findall(r"^VmHWM:\s*(\d+)", STATUS.read_text(), re.MULTILINE)
+    return 1024 * int(peak)
 
 
 class Reader:
@@ -522,16 +475,10 @@ class Reader:
     def read(self, name: str, number: int) -> dict:
         """How the file of this format and number ended."""
         if self.child is None:
-            environment = os.environ | {
-                "JAX_PLATFORMS": "cpu",
-                "PYTHONWARNINGS": "ignore",
-            }
+            own = {"JAX_PLATFORMS": "cpu", "PYTHONWARNINGS": "ignore"}
+            pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
             self.child = subprocess.Popen(
-                self.command,
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                text=True,
-                env=environment,
+                self.command, text=True, env=os.environ | own, **pipes
             )
             assert self.child.stdout.readline() == "ready\n"
         self.child.stdin.write(f"{name} {number}\n")
@@ -540,11 +487,8 @@ class Reader:
         if answer:
             return json.loads(answer)
         code = self.close()
-        return {
-            "outcome": "hang" if code == -signal.SIGALRM else "crash",
-            "told": str(code),
-            "resident": 0,
-        }
+        outcome = "hang" if code == -signal.SIGALRM else "crash"
+        return {"outcome": outcome, "told": str(code), "resident": 0}
 
     def close(self) -> int:
         """Let it go."""

@@ -1,28 +1,16 @@
 """Full disks: no silent loss, and collecting resumes after the last whole episode."""
 
 import resource
-import subprocess
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
-from s2c2a.data import CollectOptions, collect, load_recording
+from s2c2a.data import load_recording
 from s2c2a.episodes import load_episodes, save_episodes
 from s2c2a.errors import RecordingError, S2C2AError
 from s2c2a.files.text import write_atomically
-from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.viz.charts import save_figure
-
-SMALL = CollectOptions(episodes=5, samples=12, seed=3)
-
-
-@pytest.fixture
-def gather(twin):
-    """Collects from the twin into a file."""
-    return lambda path, options=SMALL, **changes: collect(
-        path, twin, lambda seed: SimulatedRobot(twin, seed=seed), options, **changes
-    )
 
 
 @pytest.fixture
@@ -51,72 +39,36 @@ def assert_same(one, two) -> None:
 def test_collecting_on_a_full_disk_keeps_whole_episodes_and_resumes(
     gather, limit_file_size, tmp_path, part
 ):
-    gather(tmp_path / "whole.episodes")
+    gather("whole.episodes")
     room = int(part * (tmp_path / "whole.episodes").stat().st_size)
     limit_file_size(room)
     with pytest.raises(
         RecordingError, match=r"could not be written.*whole ones are kept.*--resume"
     ):
-        gather(tmp_path / "full.episodes")
+        gather("full.episodes")
     kept = load_recording(tmp_path / "full.episodes")
     assert 1 <= len(kept.episodes) < 5
     with pytest.raises(RecordingError, match=rf"{len(kept.episodes)} of 5 episodes"):
         kept.check_complete()
     with pytest.raises(RecordingError, match="could not be written"):
-        gather(tmp_path / "full.episodes", resume=True)
+        gather("full.episodes", resume=True)
     limit_file_size(10_000_000)
-    gather(tmp_path / "full.episodes", resume=True)
+    gather("full.episodes", resume=True)
     assert_same(tmp_path / "full.episodes", tmp_path / "whole.episodes")
 
 
-@pytest.fixture
-def small_disk(tmp_path):
-    """A disk of 64 kB."""
-    place = tmp_path / "disk"
-    place.mkdir()
-    if subprocess.run(
-        ["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", place], capture_output=True
-    ).returncode:
-        pytest.skip("only root may mount a disk")
-    yield place
-    subprocess.run(["umount", place], check=True)
-
-
-def test_collecting_on_a_real_full_disk_resumes(gather, small_disk, tmp_path):
-    gather(tmp_path / "whole.episodes")
-    filler = small_disk / "filler"
-    filler.write_bytes(bytes(48 * 1024))
-    with pytest.raises(
-        RecordingError, match=r"No space left on device.*whole ones are kept"
-    ):
-        gather(small_disk / "full.episodes")
-    filler.unlink()
-    gather(small_disk / "full.episodes", resume=True)
-    assert_same(small_disk / "full.episodes", tmp_path / "whole.episodes")
-
-
-def test_a_failed_write_leaves_no_file(gather, limit_file_size, tmp_path):
+def test_a_failed_write_leaves_no_file(gather, limit_file_size, recording, tmp_path):
     (tmp_path / "there.json").write_text("before")
-    episodes = load_episodes(gather_path(gather, tmp_path))[0]
     figure = plt.figure()
     limit_file_size(1000)
     with pytest.raises(S2C2AError, match="cannot write"):
         write_atomically("x" * 5000, tmp_path / "there.json")
     with pytest.raises(RecordingError, match="cannot write"):
-        save_episodes(episodes, tmp_path / "some.episodes")
+        save_episodes(recording.episodes, tmp_path / "some.episodes")
     with pytest.raises(S2C2AError, match="cannot write"):
         save_figure(figure, tmp_path / "some.png")
     plt.close(figure)
     with pytest.raises(RecordingError, match="cannot write"):
-        gather(tmp_path / "new.episodes")
+        gather("new.episodes")
     assert (tmp_path / "there.json").read_text() == "before"
-    assert sorted(path.name for path in tmp_path.iterdir()) == [
-        "one.episodes",
-        "there.json",
-    ]
-
-
-def gather_path(gather, folder):
-    """A small file of episodes."""
-    gather(folder / "one.episodes", CollectOptions(episodes=1, samples=5))
-    return folder / "one.episodes"
+    assert [path.name for path in tmp_path.iterdir()] == ["there.json"]

@@ -81,17 +81,11 @@ def test_obstacles_are_finite_and_bounded_or_rejected(centers, thresholds, weigh
 @example([1.0], 1e30, 0.0, -1)
 @example([float("nan")], 0.0, 1.0, -1)
 def test_waypoints_make_finite_goals_or_are_rejected(times, position, axis, module):
-    count = len(times)
-    track = Waypoints(
-        module,
-        np.array(times),
-        np.full((count, 3), position),
-        np.full((count, 3), axis),
-    )
+    positions, axes = ([[value] * 3] * len(times) for value in (position, axis))
+    track = Waypoints(module, *map(np.array, (times, positions, axes)))
+    slow = TWIN.model_copy(update={"control_rate": 0.5})
     with contextlib.suppress(TargetError):
-        task = waypoints_task(
-            "mine", [track], TWIN.model_copy(update={"control_rate": 0.5})
-        )
+        task = waypoints_task("mine", [track], slow)
         assert is_bounded(task.goals[0])
         assert is_bounded(task.goals[-1])
 

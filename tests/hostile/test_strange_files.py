@@ -13,7 +13,7 @@ import pytest
 
 from s2c2a.arm import load_arm
 from s2c2a.cli.main import main
-from s2c2a.data import CollectOptions, collect, load_recording
+from s2c2a.data import load_recording
 from s2c2a.episodes import Episode, EpisodeWriter, load_episodes, save_episodes
 from s2c2a.errors import (
     ArmError,
@@ -32,7 +32,6 @@ from s2c2a.lab.tracking.tags.live_calibration import read_pictures
 from s2c2a.logs import load_map
 from s2c2a.logs.reading import read_table
 from s2c2a.logs.tables import ColumnRequest
-from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.strategies import load_networks, load_recipe
 from s2c2a.strategies.files import stated_errors
 from s2c2a.tasks import load_task, load_waypoints, waypoints_task
@@ -95,48 +94,31 @@ KINDS = [
 
 
 @pytest.fixture
-def recorded(tmp_path):
-    """Collects two short episodes into a file of this name."""
-
-    def run(name, **changes):
-        options = CollectOptions(episodes=2, samples=5)
-        return collect(
-            tmp_path / name,
-            TWIN,
-            lambda seed: SimulatedRobot(TWIN, seed=seed),
-            options,
-            **changes,
-        )
-
-    return run
-
-
-@pytest.fixture
 def episode():
     """A few steps of the twin."""
     return Episode(TWIN, {"time": np.arange(4.0), "actions": np.zeros((4, 3, 3))})
 
 
-def test_overwriting_a_link_keeps_its_target(recorded, tmp_path):
+def test_overwriting_a_link_keeps_its_target(gather, tmp_path):
     (tmp_path / "mine").write_text("of value")
     (tmp_path / "x.episodes").symlink_to("mine")
     with pytest.raises(RecordingError, match="exists"):
-        recorded("x.episodes")
-    recorded("x.episodes", overwrite=True)
+        gather("x.episodes")
+    gather("x.episodes", overwrite=True)
     write_atomically("new", tmp_path / "x.episodes")
     assert (tmp_path / "mine").read_text() == "of value"
 
 
 @pytest.mark.parametrize("mine", ["mine.txt", "mine.episodes"])
-def test_recordings_are_not_resumed_through_links(recorded, tmp_path, mine):
-    recorded("mine.episodes")
+def test_recordings_are_not_resumed_through_links(gather, tmp_path, mine):
+    gather("mine.episodes")
     (tmp_path / "mine.txt").write_text("of value")
     before = (tmp_path / mine).read_bytes()
     (tmp_path / "x.episodes").symlink_to(mine)
     with pytest.raises(
         RecordingError, match="is a link, and nothing is written through links"
     ):
-        recorded("x.episodes", resume=True)
+        gather("x.episodes", resume=True)
     assert (tmp_path / mine).read_bytes() == before
 
 
@@ -179,9 +161,8 @@ def test_every_reader_names_the_file_that_it_may_not_read(tmp_path, name, monkey
 
         return opened
 
-    for module, name_in_it in ((builtins, "open"), (io, "open"), (os, "open")):
-        opener = getattr(module, name_in_it)
-        monkeypatch.setattr(module, name_in_it, refusing(opener))
+    for module in (builtins, io, os):
+        monkeypatch.setattr(module, "open", refusing(module.open))
     with pytest.raises(S2C2AError, match=f"ä {name}"):
         (BY_PATH | TABLES)[name](str(path))
 
@@ -228,9 +209,8 @@ def test_huge_files_are_rejected_before_they_are_read(tmp_path):
 def test_episodes_too_large_to_read_are_not_written(tmp_path, episode, monkeypatch):
     writer = EpisodeWriter.create(tmp_path / "x.episodes", TWIN, {})
     writer.append(episode)
-    monkeypatch.setattr(
-        "s2c2a.episodes.blocks.MAX_BYTES", (tmp_path / "x.episodes").stat().st_size
-    )
+    size = (tmp_path / "x.episodes").stat().st_size
+    monkeypatch.setattr("s2c2a.episodes.blocks.MAX_BYTES", size)
     with pytest.raises(
         RecordingError, match=r"at most .* bytes a file.*1 whole ones are kept"
     ):
@@ -266,10 +246,8 @@ def test_malicious_toml_is_rejected(tmp_path, text):
 @pytest.mark.slow
 def test_tables_may_have_many_waypoints_up_to_a_limit(tmp_path, monkeypatch):
     path = tmp_path / "long.csv"
-    path.write_text(
-        "time,x,y,z\n"
-        + "".join(f"{line / 20},0.1,{line / 1e7},0.5\n" for line in range(1, 40_001))
-    )
+    rows = [f"{line / 20},0.1,{line / 1e7},0.5\n" for line in range(1, 40_001)]
+    path.write_text("time,x,y,z\n" + "".join(rows))
     tracks = load_waypoints(path)
     assert len(waypoints_task("long", tracks, TWIN).goals) == 20_000
     monkeypatch.setattr("s2c2a.tasks.waypoints.MAX_COUNT", 39_999)
@@ -279,10 +257,8 @@ def test_tables_may_have_many_waypoints_up_to_a_limit(tmp_path, monkeypatch):
 
 def test_a_table_with_too_many_modules_is_rejected(tmp_path):
     path = tmp_path / "many.csv"
-    path.write_text(
-        "time,x,y,z,module\n"
-        + "".join(f"1,0,0,0.6,{module}\n" for module in range(50_000))
-    )
+    rows = [f"1,0,0,0.6,{module}\n" for module in range(50_000)]
+    path.write_text("time,x,y,z,module\n" + "".join(rows))
     with pytest.raises(TargetError, match="names 50000 modules; an arm has at most 20"):
         load_waypoints(path)
 
@@ -301,11 +277,9 @@ OVERWRITES = {
 
 @pytest.mark.parametrize("command", OVERWRITES.values(), ids=OVERWRITES)
 def test_overwrite_replaces_no_file_of_another_kind(
-    command, tmp_path, monkeypatch, capsys
+    command, tmp_path, monkeypatch, refusal
 ):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "thesis.tex").write_text("of value")
-    with pytest.raises(SystemExit):
-        main([*command.split(), "--overwrite"])
-    assert "thesis.tex" in capsys.readouterr().err
+    assert "thesis.tex" in refusal(*command.split(), "--overwrite")
     assert (tmp_path / "thesis.tex").read_text() == "of value"

@@ -25,7 +25,7 @@ def _bent_states(bend: float, directions: np.ndarray, modules: int) -> np.ndarra
     return np.concatenate([flat, rise], axis=-1).reshape(directions.size, modules, 6)
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def make_arm(make_arm):
     """Build an arm of 0.6 m of equal modules."""
 
@@ -73,28 +73,39 @@ def make_trace(drawn):
 
 
 @pytest.fixture
+def drawn_figures(monkeypatch):
+    """Figures that are drawn instead of written."""
+    figures = []
+    for module in ("arm_drawing", "coverage", "figures"):
+        monkeypatch.setattr(
+            f"s2c2a.viz.{module}.save_figure",
+            lambda figure, path, **_: figures.append(figure),
+        )
+    return figures
+
+
+@pytest.fixture(
+    params=[
+        ((0, 0, -1), (0, 1)),
+        ((0, 0, 0), (0, 1)),
+        ((0, 0, 1), (0, -1)),
+        ((1, 0, 0), (1, 0)),
+        ((0, 0.8, -0.6), (1, 0)),
+        ((0, -0.8, 0.6), (1, 0)),
+    ]
+)
+def mount(request):
+    """A direction of gravity, and that of the straight arm in drawings of its side."""
+    return request.param
+
+
+@pytest.fixture
 def straight() -> np.ndarray:
     """States (modules, 6) of the straight arm."""
     states = np.zeros((3, 6))
     states[:, 2] = (0.2, 0.4, 0.6)
     states[:, 5] = 1.0
     return states
-
-
-@pytest.fixture
-def tip_is_below():
-    """Check whether the red module is below the blue one; both must be visible."""
-
-    def look(pixels: np.ndarray) -> bool:
-        red, green, blue = np.moveaxis(
-            pixels[..., :3] / np.float64(pixels.max()), -1, 0
-        )
-        tip = np.argwhere(red - np.maximum(green, blue) > 0.25)
-        base = np.argwhere(blue - np.maximum(red, green) > 0.25)
-        assert min(len(tip), len(base)) > 100
-        return bool(tip[:, 0].mean() > base[:, 0].mean() + 20)
-
-    return look
 
 
 @pytest.fixture

@@ -18,36 +18,20 @@ def test_modules_with_equal_cable_arrangements_share_a_cross_section(arm):
     assert list(kinds_of_module(mixed).items()) == [("A", [1, 3]), ("B", [2])]
 
 
-MOUNTS = [
-    ((0, 0, -1), (0, 1)),
-    ((0, 0, 0), (0, 1)),
-    ((0, 0, 1), (0, -1)),
-    ((1, 0, 0), (1, 0)),
-    ((0, 0.8, -0.6), (1, 0)),
-]
-
-
 @pytest.fixture
-def side_of(monkeypatch, tmp_path):
+def side_of(drawn_figures, tmp_path):
     """Axes of the side view of an arm, laid out."""
-    figures = []
-    monkeypatch.setattr(
-        "s2c2a.viz.arm_drawing.save_figure",
-        lambda figure, path: figures.append(figure),
-    )
 
     def draw(arm):
         arm_figure(arm, tmp_path / "arm.png")
-        figures[-1].draw_without_rendering()
-        return figures[-1].axes[2]
+        drawn_figures[-1].draw_without_rendering()
+        return drawn_figures[-1].axes[2]
 
     return draw
 
 
-@pytest.mark.parametrize(("gravity", "direction"), MOUNTS)
-def test_the_side_view_shows_the_whole_mounted_arm_to_scale(
-    make_arm, side_of, gravity, direction
-):
+def test_the_side_view_shows_the_whole_mounted_arm_to_scale(make_arm, side_of, mount):
+    gravity, direction = mount
     side = side_of(make_arm(gravity_direction=gravity))
     base, *modules = [patch.get_xy() for patch in side.patches]
     np.testing.assert_allclose(
@@ -65,11 +49,8 @@ def test_the_side_view_shows_the_whole_mounted_arm_to_scale(
 
 
 def test_the_rows_of_the_table_have_the_order_of_the_side_view(make_arm, side_of):
-    for gravity, numbers in (
-        ((0, 0, -1), ["3", "2", "1"]),
-        ((0, 0, 1), ["1", "2", "3"]),
-    ):
-        side = side_of(make_arm(gravity_direction=gravity))
+    for up, numbers in ((1, ["3", "2", "1"]), (-1, ["1", "2", "3"])):
+        side = side_of(make_arm(gravity_direction=(0, 0, -up)))
         (table,) = side.figure.axes[3].tables
         cells = table.get_celld()
         assert [cells[row, 0].get_text().get_text() for row in (1, 2, 3)] == numbers
@@ -78,10 +59,6 @@ def test_the_rows_of_the_table_have_the_order_of_the_side_view(make_arm, side_of
 def test_boundaries_are_numbered_in_millimeters_from_the_base(make_arm, side_of):
     side = side_of(make_arm(gravity_direction=(0, 0, 1)))
     ticks = zip(side.get_yticks(), side.get_yticklabels(), strict=True)
-    assert {round(-1000 * tick): label.get_text() for tick, label in ticks} == {
-        0: "0",
-        200: "200",
-        400: "400",
-        600: "600",
-    }
+    labels = {round(-1000 * tick): label.get_text() for tick, label in ticks}
+    assert labels == {0: "0", 200: "200", 400: "400", 600: "600"}
     assert len(side_of(make_arm(20)).get_yticks()) <= 10

@@ -1,4 +1,3 @@
-from s2c2a.viz import charts, colors
 from s2c2a.viz.colors import colors_by_label, module_colors
 
 
@@ -19,8 +18,3 @@ def test_a_strategy_keeps_its_color_beside_any_other():
 def test_unknown_strategies_get_different_colors():
     colors = colors_by_label(["mine", "s2c2a", "yours", "pcc"])
     assert len(set(colors.values())) == 4
-
-
-def test_the_desired_path_has_one_color_in_figures_and_scenes():
-    assert colors.DESIRED in charts.DESIRED_LINE.values()
-    assert not hasattr(colors, "TARGET")

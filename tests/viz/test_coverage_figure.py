@@ -29,17 +29,12 @@ def wandering(make_arm):
 
 
 @pytest.fixture
-def axes_of(monkeypatch, tmp_path):
+def axes_of(drawn_figures, tmp_path):
     """Axes of the figure of an episode."""
-    figures = []
-    monkeypatch.setattr(
-        "s2c2a.viz.coverage.save_figure",
-        lambda figure, path, **_: figures.append(figure),
-    )
 
     def draw(episode):
         coverage_figure([episode], tmp_path / "coverage.png")
-        return figures[-1].axes
+        return drawn_figures[-1].axes
 
     return draw
 

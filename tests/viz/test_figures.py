@@ -4,27 +4,11 @@ import numpy as np
 import pytest
 
 from s2c2a.errors import S2C2AError
-from s2c2a.viz import (
-    charts,
-    learning_curves,
-    recording_figure,
-    run_figure,
-)
+from s2c2a.viz import charts, learning_curves, recording_figure, run_figure
 from s2c2a.viz.mounting import ABOVE, SIDE
 
 PNG = b"\x89PNG\r\n"
 CURVE = np.array([(epoch, 0.5**epoch, 0.6**epoch) for epoch in range(5)])
-
-
-@pytest.fixture
-def drawn_figures(monkeypatch):
-    """Figures that are drawn instead of written."""
-    figures = []
-    monkeypatch.setattr(
-        "s2c2a.viz.figures.save_figure",
-        lambda figure, path, **_: figures.append(figure),
-    )
-    return figures
 
 
 def is_png(path) -> bool:
@@ -42,9 +26,7 @@ def test_uncounted_steps_are_shaded(make_trace, arm, tmp_path, drawn_figures):
     for counted in (np.arange(200) < 50, None):
         run_figure([make_trace(counted=counted)], arm, tmp_path / "run.png")
     errors = [figure.axes[3] for figure in drawn_figures]
-    assert [
-        axes.get_legend_handles_labels()[1].count("not counted") for axes in errors
-    ] == [1, 0]
+    assert [labels_of(axes).count("not counted") for axes in errors] == [1, 0]
     assert errors[0].patches[0].get_extents().width > 0
 
 
@@ -128,19 +110,10 @@ def place_in(axes, point) -> np.ndarray:
     return axes.transData.transform((x, y))
 
 
-@pytest.mark.parametrize(
-    ("gravity", "direction"),
-    [
-        ((0, 0, -1), (0, 1)),
-        ((0, 0, 0), (0, 1)),
-        ((0, 0, 1), (0, -1)),
-        ((1, 0, 0), (1, 0)),
-        ((0, -0.8, 0.6), (1, 0)),
-    ],
-)
 def test_a_recording_is_drawn_in_the_mounting_of_its_arm(
-    make_arm, make_trace, tmp_path, drawn_figures, gravity, direction
+    make_arm, make_trace, tmp_path, drawn_figures, mount
 ):
+    gravity, direction = mount
     recording_figure(
         make_trace().states, make_arm(gravity_direction=gravity), tmp_path / "cloud.png"
     )
@@ -160,9 +133,8 @@ def test_a_recording_of_the_wrong_shape_is_refused(shape, arm, tmp_path):
 
 
 def test_learning_curves_are_drawn(tmp_path):
-    assert is_png(
-        learning_curves({"C2S": CURVE, "C2A": 2.0 * CURVE}, tmp_path / "curves.png")
-    )
+    curves = {"C2S": CURVE, "C2A": 2.0 * CURVE}
+    assert is_png(learning_curves(curves, tmp_path / "curves.png"))
 
 
 @pytest.mark.parametrize("curves", [{}, {"C2S": np.zeros((0, 3))}])

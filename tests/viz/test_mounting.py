@@ -5,25 +5,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from s2c2a.arm import ArmSpec, Module
 from s2c2a.viz.mounting import ABOVE, SIDE, Mounting, Surroundings
 
-MODULE = Module(
-    length=0.2,
-    cable_radius=0.027,
-    cable_angles_deg=(0.0, 120.0, 240.0),
-    mass=0.075,
-    bending_stiffness=0.16,
-)
 
-
-def mounted(*gravity) -> ArmSpec:
-    return ArmSpec(
-        name="test_arm",
-        actuation="displacement",
-        modules=(MODULE,) * 3,
-        gravity_direction=gravity,
-    )
+@pytest.fixture(scope="session")
+def mounted(make_arm):
+    return lambda *gravity: make_arm(gravity_direction=gravity)
 
 
 def directions():
@@ -48,7 +35,7 @@ def directions():
         ((0.6, 0, -0.8), "stands", (0.6, 0, 0.8)),
     ],
 )
-def test_the_direction_of_gravity_decides_the_mounting(gravity, word, tip):
+def test_the_direction_of_gravity_decides_the_mounting(mounted, gravity, word, tip):
     mounting = Mounting.of(mounted(*gravity))
     assert mounting.word == word
     along = mounting.turn @ (0, 0, 1)
@@ -58,7 +45,7 @@ def test_the_direction_of_gravity_decides_the_mounting(gravity, word, tip):
 
 
 @given(directions())
-def test_the_rotation_to_the_world_turns_gravity_down(gravity):
+def test_the_rotation_to_the_world_turns_gravity_down(mounted, gravity):
     mounting = Mounting.of(mounted(*gravity))
     np.testing.assert_allclose(mounting.turn @ mounting.turn.T, np.eye(3), atol=1e-12)
     assert np.linalg.det(mounting.turn) == pytest.approx(1.0)
@@ -66,9 +53,7 @@ def test_the_rotation_to_the_world_turns_gravity_down(gravity):
 
 
 @given(directions())
-def test_flat_drawings_show_the_arm_with_gravity_downward(
-    gravity,
-):
+def test_flat_drawings_show_the_arm_with_gravity_downward(mounted, gravity):
     mounting = Mounting.of(mounted(*gravity))
     (right, up), (_, backward) = mounting.flat(SIDE)
     assert 2 in {right, up}
@@ -78,39 +63,32 @@ def test_flat_drawings_show_the_arm_with_gravity_downward(
     assert {right, up, mounting.flat(ABOVE)[0][1]} == {0, 1, 2}
 
 
-def test_the_base_frame_of_a_standing_arm_is_the_world():
+def test_the_base_frame_of_a_standing_arm_is_the_world(mounted):
     mounting = Mounting.of(mounted(0, 0, -1))
     np.testing.assert_array_equal(mounting.turn, np.eye(3))
     assert mounting.flat(SIDE) == ((0, 2), (False, False))
     np.testing.assert_array_equal(mounting.placed((1.0, 2.0, 3.0)), (1, 2, 3))
 
 
-def test_hanging_and_lying_arms_have_a_gravity_arrow():
-    assert (
-        Surroundings.of(mounted(0, 0, -1)).arrow
-        is Surroundings.of(mounted(0, 0, 0)).arrow
-        is None
-    )
+def test_hanging_and_lying_arms_have_a_gravity_arrow(mounted):
+    for gravity in ((0, 0, -1), (0, 0, 0)):
+        assert Surroundings.of(mounted(*gravity)).arrow is None
     for gravity in ((0, 0, 1), (1, 0, 0)):
         tail, tip = Surroundings.of(mounted(*gravity)).arrow
-        np.testing.assert_allclose(
-            (tip - tail) / np.linalg.norm(tip - tail), gravity, atol=1e-12
-        )
+        direction = (tip - tail) / np.linalg.norm(tip - tail)
+        np.testing.assert_allclose(direction, gravity, atol=1e-12)
 
 
-def test_the_ground_is_below_the_base_and_ends_on_a_circle():
+def test_the_ground_is_below_the_base_and_ends_on_a_circle(mounted):
     surroundings = Surroundings.of(mounted(0, 0, -1))
     assert surroundings.spacing == 0.05
-    np.testing.assert_allclose(
-        np.linalg.norm(surroundings.grid[..., :2], axis=-1),
-        surroundings.radius,
-        atol=1e-4,
-    )
+    distances = np.linalg.norm(surroundings.grid[..., :2], axis=-1)
+    np.testing.assert_allclose(distances, surroundings.radius, atol=1e-4)
     np.testing.assert_allclose(surroundings.grid[..., 2], surroundings.level)
     assert surroundings.level < 0
 
 
-def test_one_grid_line_along_each_axis_passes_through_the_origin():
+def test_one_grid_line_along_each_axis_passes_through_the_origin(mounted):
     surroundings = Surroundings.of(mounted(0, 0, -1))
     lines = surroundings.grid[surroundings.through_origin]
     radius = surroundings.radius

@@ -5,7 +5,6 @@ import pytest
 
 from s2c2a.errors import S2C2AError
 from s2c2a.viz import Trace
-from s2c2a.viz.trace import check_same_arm
 
 
 def test_an_episode_without_true_states_or_a_run_is_refused(make_trace, drawn):
@@ -71,13 +70,6 @@ def test_the_pointing_module_is_the_outermost_with_a_desired_axis(make_trace):
     assert make_trace(desired_axes=desired).pointing_module == 2
     desired[5:, :2] = [0.0, 0.0, 1.0]
     assert make_trace(desired_axes=desired).pointing_module == 1
-
-
-def test_traces_of_another_arm_or_none_at_all_are_refused(make_arm, make_trace):
-    with pytest.raises(S2C2AError, match="3 modules and arm 'test_arm' has 4"):
-        check_same_arm([make_trace()], make_arm(4))
-    with pytest.raises(S2C2AError, match="no trace"):
-        check_same_arm([], make_arm())
 
 
 def test_obstacles_that_appear_later_or_move_are_drawn_with_their_time(make_trace):
