@@ -4,8 +4,9 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+import cable_layouts
 from cable_layouts import even, layouts
-from s2c2a.arm import ArmGeometry, ArmSpec, Module, load_arm
+from s2c2a.arm import ArmGeometry, load_arm
 from s2c2a.kinematics import PCC, configurations_from_bends
 
 RADIUS = 0.027
@@ -32,22 +33,10 @@ def configurations_held_by(arm, actions):
     return np.asarray(_configurations(bends_held_by(arm, actions)))
 
 
-def module_of(angles, radius=RADIUS) -> Module:
-    return Module(
-        length=0.2,
-        cable_radius=radius,
-        cable_angles_deg=angles,
-        mass=0.075,
-        bending_stiffness=0.16,
-        bend_limit_deg=60.0,
-        pretension=400.0,
-        tension_range=500.0,
-    )
-
-
-def arm_of(angles, actuation="displacement") -> ArmSpec:
-    """One module, so soft that no tension reaches its limit within the full bend."""
-    return ArmSpec(name="arm", actuation=actuation, modules=(module_of(angles),))
+def arm_of(angles, actuation="displacement", radius=RADIUS):
+    """So soft that no tension reaches its limit within the full bend."""
+    values = {"bend_limit_deg": 60.0, "pretension": 400.0, "tension_range": 500.0}
+    return cable_layouts.arm_of(angles, actuation, cable_radius=radius, **values)
 
 
 def paper_configuration(a):
@@ -150,9 +139,8 @@ def test_actions_for_any_bend_stay_within_the_limits(
 
 
 def test_every_module_has_its_own_radius_and_cables():
-    first = module_of(even(3), radius=0.01)
-    second = module_of((60.0, 300.0, 180.0), radius=0.02)
-    arm = ArmSpec(name="arm", actuation="displacement", modules=(first, second))
+    arm, other = arm_of(even(3), radius=0.01), arm_of((60, 300, 180), radius=0.02)
+    arm = arm.model_copy(update={"modules": arm.modules + other.modules})
     displacements = [[-0.005, 0.0025, 0.0025], [-0.005, -0.005, 0.01]]
     found = actions_for(arm, [[0.5, 0.0], [0.5, 0.0]])
     np.testing.assert_allclose(found, displacements, atol=1e-8)
