@@ -7,11 +7,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from driven import MODEL, TWIN
 
-from s2c2a.arm import load_arm
 from s2c2a.goals import MAX_OBSTACLES
 from s2c2a.kinematics import configurations_from_bends, norm, states_from_bends
-from s2c2a.models.forward_model import PCCForwardModel
 from s2c2a.planning import BEST, PAPER, Candidate, Goal, Situation, terms
 from s2c2a.planning.planner import AXES_WEIGHT, Step
 from s2c2a.planning.terms import OBSTACLES_AT_HAND as AT_HAND
@@ -19,8 +18,6 @@ from s2c2a.planning.terms import GuardedPoints
 
 from marks import slow_after
 
-TWIN = load_arm("twin_arm")
-MODEL = PCCForwardModel.of(TWIN)
 LENGTHS = jnp.full(3, 0.2)
 WHOLE_ARM = GuardedPoints.of(TWIN, "arm")
 SCALE = 0.46  # m: the paper's length scale, for an arm of 0.6 m
