@@ -234,11 +234,11 @@ def test_a_goal_that_is_not_finite_changes_no_plan_and_no_outcome():
 @pytest.mark.slow
 def test_a_plan_shows_the_tip_of_the_next_moments_and_one_step_has_none():
     goal = Goal.of(3).with_position([0.15, 0.0, 0.55])
-    ahead, none = (
-        driven(Planner(TWIN, MODEL, replace(BEST, solver=solver)), [goal] * 5)[0][-1]
-        for solver in (Horizon(), LeastSquares())
-    )
-    ahead, none = ahead.expectation, none.expectation
+    shown = []
+    for solver in (Horizon(), LeastSquares()):
+        planner = Planner(TWIN, MODEL, replace(BEST, solver=solver))
+        shown.append(driven(planner, [goal] * 5)[0][-1].expectation)
+    ahead, none = shown
     # the first moment is the plan itself
     np.testing.assert_allclose(ahead.horizon[0], ahead.states[-1, :3], atol=1e-6)
     distances = np.linalg.norm(ahead.horizon - goal.positions[-1], axis=-1)
