@@ -3,7 +3,6 @@ import tomllib
 
 import pytest
 import tomli_w
-from pydantic import ValidationError
 
 from s2c2a.arm import ArmSpec, arm_from_toml, arm_to_toml, load_arm
 from s2c2a.errors import ArmError
@@ -24,13 +23,6 @@ def with_value(description: dict, path: str, value) -> str:
     return tomli_w.dumps(changed)
 
 
-def without(description: dict, path: str) -> str:
-    module, key = path.split(".")[1:]
-    changed = copy.deepcopy(description)
-    del changed["modules"][int(module)][key]
-    return tomli_w.dumps(changed)
-
-
 def fault_in(text: str) -> str:
     with pytest.raises(ArmError) as caught:
         arm_from_toml(text, source="my_arm.toml")
@@ -47,29 +39,25 @@ def test_an_unknown_key_is_named_with_its_path(path):
     assert fault.startswith("my_arm.toml")
 
 
-@pytest.mark.parametrize(
-    ("path", "value"),
-    [
-        ("modules.0.length", 200.0),
-        ("modules.0.length", 0.0002),
-        ("modules.1.cable_radius", 27.0),
-        ("modules.1.cable_radius", 0.000027),
-        ("modules.2.mass", 75.0),
-        ("modules.2.mass", 0.000075),
-        ("modules.0.bending_stiffness", 160.0),
-        ("modules.0.bending_stiffness", 0.00016),
-        ("modules.0.cable.stiffness", 6.0),
-        ("modules.0.cable.stiffness", 6e6),
-        ("modules.0.cable.backlash", 0.5),
-        ("motor.pulley_radius", 10.0),
-        ("control_rate", 10000.0),
-    ],
-)
-def test_a_value_off_by_a_thousand_is_refused_with_its_path_and_a_hint(path, value):
-    fault = fault_in(with_value(TWIN, path, value))
-    assert f"  {path}: " in fault
-    assert f"(got {value})" in fault
-    assert "factor of 1000" in fault
+OFF_BY_A_THOUSAND = {
+    "modules.0.length": (200.0, 0.0002),
+    "modules.1.cable_radius": (27.0, 0.000027),
+    "modules.2.mass": (75.0, 0.000075),
+    "modules.0.bending_stiffness": (160.0, 0.00016),
+    "modules.0.cable.stiffness": (6.0, 6e6),
+    "modules.0.cable.backlash": (0.5,),
+    "motor.pulley_radius": (10.0,),
+    "control_rate": (10000.0,),
+}
+
+
+@pytest.mark.parametrize(("path", "values"), OFF_BY_A_THOUSAND.items())
+def test_a_value_off_by_a_thousand_is_refused_with_its_path_and_a_hint(path, values):
+    for value in values:
+        fault = fault_in(with_value(TWIN, path, value))
+        assert f"  {path}: " in fault
+        assert f"(got {value})" in fault
+        assert "factor of 1000" in fault
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -0.2, 0.0])
@@ -111,30 +99,21 @@ def test_text_and_booleans_are_not_numbers(path, value):
 SQUARE = "one row and one column for each of the 3 modules"
 SLIPS = "modules.2.cable has backlash or creep"
 UNIT = "give a unit vector"
-GAPS = [
-    ([0.0, 60.0, 181.0], 179),
-    ([0.0, 10.0, 20.0], 340),
-    ([5.0, 5.0, 5.0], 360),
-    ([-90.0, 0.0, 90.0], 180),
-]
-
-
-def gap_of(angles: list[float], gap: int) -> str:
-    return f"modules.0: cable_angles_deg {angles} leave a gap of {gap} deg"
-
-
+GAPS = {
+    179: [0.0, 60.0, 181.0],
+    340: [0.0, 10.0, 20.0],
+    360: [5.0, 5.0, 5.0],
+    180: [-90.0, 0.0, 90.0],
+}
+GAP = "modules.0: cable_angles_deg {} leave a gap of {} deg"
 REFUSED = [
     ("sensing_coupling", [[1.0, 0.0], [0.0, 1.0]], SQUARE),
     ("sensing_coupling", [[1.0] * 3, [1.0] * 3], SQUARE),
     ("sensing_coupling", [[1.0] * 3, [1.0] * 3, [1.0]], SQUARE),
-    (
-        "modules.1.cable_angles_deg",
-        [40.0 * cable for cable in range(9)],
-        "modules.1.cable_angles_deg: give at most 8",
-    ),
+    ("modules.1.cable_angles_deg", [0.0] * 9, "1.cable_angles_deg: give at most 8"),
     *(
-        ("modules.0.cable_angles_deg", angles, gap_of(angles, gap))
-        for angles, gap in GAPS
+        ("modules.0.cable_angles_deg", angles, GAP.format(angles, gap))
+        for gap, angles in GAPS.items()
     ),
     ("gravity_direction", [0.0, 0.0, -9.81], UNIT),
     ("gravity_direction", [1.0, 1.0, 0.0], UNIT),
@@ -159,40 +138,24 @@ def test_a_tension_arm_has_neither_backlash_nor_creep(key, value):
 
 
 def test_cables_that_just_bend_every_way_are_allowed():
-    arm = arm_from_toml(
-        with_value(TWIN, "modules.0.cable_angles_deg", [0.0, 60.0, 181.5])
-    )
-    assert arm.modules[0].cable_angles_deg == (0.0, 60.0, 181.5)
+    angles = (0.0, 60.0, 181.5)
+    arm = arm_from_toml(with_value(TWIN, "modules.0.cable_angles_deg", list(angles)))
+    assert arm.modules[0].cable_angles_deg == angles
 
 
 def test_a_tension_arm_needs_its_tension_range():
-    assert "modules.1.tension_range is missing" in fault_in(
-        without(SIMULATED, "modules.1.tension_range")
-    )
+    module = {**SIMULATED["modules"][1]}
+    del module["tension_range"]
+    fault = fault_in(with_value(SIMULATED, "modules.1", module))
+    assert "modules.1.tension_range is missing" in fault
 
 
 def test_every_fault_is_listed_at_once():
-    fault = fault_in(
-        with_value(
-            TWIN, "modules.0", {**TWIN["modules"][0], "mass": 75.0, "lenth": 0.2}
-        )
-    )
+    module = {**TWIN["modules"][0], "mass": 75.0, "lenth": 0.2}
+    fault = fault_in(with_value(TWIN, "modules.0", module))
     assert "2 faults" in fault
     assert "modules.0.mass" in fault
     assert "modules.0.lenth" in fault
-
-
-@pytest.mark.parametrize(
-    "path",
-    ["name", "modules.0.length", "modules.0.cable.stiffness", "motor.pulley_radius"],
-)
-def test_a_built_arm_cannot_be_changed(path):
-    *parents, key = path.split(".")
-    place = load_arm("twin_arm")
-    for parent in parents:
-        place = place[int(parent)] if parent.isdigit() else getattr(place, parent)
-    with pytest.raises(ValidationError, match="frozen"):
-        setattr(place, key, getattr(place, key))
 
 
 def test_equal_arms_are_equal_keys():

@@ -26,20 +26,30 @@ def maybe(strategy):
     return st.none() | strategy
 
 
+def several(low, high, count):
+    return st.lists(between(low, high), min_size=count, max_size=count)
+
+
 def each(low, high, count):
     """One number, or one for each of so many cables."""
-    return between(low, high) | st.lists(
-        between(low, high), min_size=count, max_size=count
-    )
+    return between(low, high) | several(low, high, count)
 
 
 @st.composite
 def modules(draw, cables: int, tension: bool):
-    layouts = st.lists(between(-360, 720), min_size=cables, max_size=cables).filter(
-        lambda a: largest_gap_deg(a) < 179
+    layouts = several(-360, 720, cables).filter(lambda a: largest_gap_deg(a) < 179)
+    slips = {"backlash": each(0, 0.02, cables), "creep": between(0, 0.9)}
+    limits = between(0.05, 500)
+    cable = st.builds(
+        Cable,
+        stiffness=between(50, 1e6),
+        friction=between(0, 1),
+        **({} if tension else slips),
     )
-    slips = (
-        {} if tension else {"backlash": each(0, 0.02, cables), "creep": between(0, 0.9)}
+    mismatch = st.builds(
+        Mismatch,
+        coupling=maybe(between(0, 1)),
+        radius_errors=each(-0.5, 0.5, cables),
     )
     return Module(
         length=draw(between(0.3, 2)),
@@ -50,47 +60,29 @@ def modules(draw, cables: int, tension: bool):
         torsional_stiffness=draw(maybe(between(0.0005, 50))),
         bend_limit_deg=draw(between(1, 150)),
         pretension=draw(between(0, 500)),
-        tension_range=draw(
-            between(0.05, 500) if tension else maybe(between(0.05, 500))
-        ),
-        mismatch=draw(
-            st.builds(
-                Mismatch,
-                coupling=maybe(between(0, 1)),
-                radius_errors=each(-0.5, 0.5, cables),
-            )
-        ),
-        cable=draw(
-            st.builds(
-                Cable, stiffness=between(50, 1e6), friction=between(0, 1), **slips
-            )
-        ),
+        tension_range=draw(limits if tension else maybe(limits)),
+        mismatch=draw(mismatch),
+        cable=draw(cable),
     )
 
 
 @st.composite
 def arms(draw):
     tension, cables = draw(st.booleans()), draw(st.integers(3, 8))
-    speeds = between(0.001, 5000 if tension else 5)
+    speeds = maybe(between(0.001, 5000 if tension else 5))
     row = tuple(draw(st.lists(modules(cables, tension), min_size=1, max_size=4)))
-    coupling = st.lists(between(-1, 1), min_size=len(row), max_size=len(row)).map(
-        lambda numbers: (numbers,) * len(row)
-    )
+    coupling = several(-1, 1, len(row)).map(lambda numbers: (numbers,) * len(row))
+    turns = st.integers(16, 2**24)
+    directions = [(0, 0, -1), (0, 0, 1), (0, 0, 0), (0.6, 0.0, -0.8)]
     return ArmSpec(
         name=draw(st.from_regex(r"\A[A-Za-z0-9][A-Za-z0-9_-]{0,63}\Z")),
         description=draw(st.text(max_size=40)),
         actuation="tension" if tension else "displacement",
         sensing=draw(st.sampled_from(["encoders", "true"])),
         coupled_cables=draw(st.booleans()),
-        gravity_direction=draw(
-            st.sampled_from([(0, 0, -1), (0, 0, 1), (0, 0, 0), (0.6, 0.0, -0.8)])
-        ),
+        gravity_direction=draw(st.sampled_from(directions)),
         control_rate=draw(between(0.01, 1000)),
-        motor=draw(
-            st.builds(
-                Motor, speed_limit=maybe(speeds), ticks_per_turn=st.integers(16, 2**24)
-            )
-        ),
+        motor=draw(st.builds(Motor, speed_limit=speeds, ticks_per_turn=turns)),
         sensing_coupling=draw(maybe(coupling)),
         modules=row,
     )
@@ -116,9 +108,7 @@ def test_a_file_is_not_overwritten_unasked(tmp_path):
     assert path.read_text() == "precious"
 
 
-def test_an_unwritable_path_is_named_and_missing_folders_are_created(
-    tmp_path,
-):
+def test_an_unwritable_path_is_named_and_missing_folders_are_created(tmp_path):
     (tmp_path / "file").write_text("no folder")
     with pytest.raises(ArmError, match=r"cannot write .*mine\.toml"):
         save_arm(load_arm("twin_arm"), tmp_path / "file" / "mine.toml")
@@ -132,27 +122,27 @@ def test_a_missing_file_lists_the_presets(tmp_path):
     assert all(name in str(caught.value) for name in preset_names())
 
 
-def test_broken_toml_is_named_with_file_and_line(tmp_path):
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        (b'name = "a"\nactuation = \n', r"not valid TOML: .*line 2"),
+        (b"\xff\xfe\x00\x80", "cannot be read as UTF-8"),
+    ],
+)
+def test_broken_toml_and_what_is_no_text_are_named_with_the_file(
+    tmp_path, content, told
+):
     path = tmp_path / "broken.toml"
-    path.write_text('name = "a"\nactuation = \n')
-    with pytest.raises(ArmError, match=r"broken\.toml: not valid TOML: .*line 2"):
-        load_arm(path)
-
-
-def test_a_file_that_is_not_text_is_refused(tmp_path):
-    path = tmp_path / "binary.toml"
-    path.write_bytes(b"\xff\xfe\x00\x80")
-    with pytest.raises(ArmError, match=r"binary\.toml: cannot be read as UTF-8"):
+    path.write_bytes(content)
+    with pytest.raises(ArmError, match=rf"broken\.toml: {told}"):
         load_arm(path)
 
 
 def test_an_empty_file_says_what_is_missing():
     with pytest.raises(ArmError) as caught:
         arm_from_toml("", source="empty.toml")
-    assert all(
-        f"{key}: this key is missing" in str(caught.value)
-        for key in ("name", "actuation", "modules")
-    )
+    for key in ("name", "actuation", "modules"):
+        assert f"{key}: this key is missing" in str(caught.value)
 
 
 def test_arms_that_differ_in_name_only_have_the_same_mechanics():

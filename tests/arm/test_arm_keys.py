@@ -18,11 +18,7 @@ def test_every_key_of_a_complete_file_is_documented():
         "[[modules]]": module,
         "[modules.cable]": module["cable"],
     }
-    found = {
-        (table, name)
-        for table, values in tables.items()
-        for name, value in values.items()
-    }
+    found = {(table, name) for table, values in tables.items() for name in values}
     assert found - {("", "motor"), ("[[modules]]", "cable")} <= by_name().keys()
     assert all(key.meaning and key.allowed for key in file_keys())
 
@@ -30,14 +26,10 @@ def test_every_key_of_a_complete_file_is_documented():
 def test_documented_ranges_and_defaults_match_the_description():
     keys = by_name()
     assert keys["[modules.cable]", "stiffness"][2:4] == ("50 to 1000000", "100000")
-    assert keys["[[modules]]", "cable_angles_deg"][2:4] == (
-        "up to 8 numbers",
-        "required",
-    )
-    assert keys["", "sensing"][2:4] == (
-        '"encoders", "true" or "file.py:Name"',
-        '"encoders"',
-    )
+    angles = keys["[[modules]]", "cable_angles_deg"]
+    assert angles[2:4] == ("up to 8 numbers", "required")
+    kinds = '"encoders", "true" or "file.py:Name"'
+    assert keys["", "sensing"][2:4] == (kinds, '"encoders"')
     assert keys["", "gravity_direction"][2:4] == ("3 numbers", "[0, 0, -1]")
     assert keys["[[modules]]", "tension_range"].otherwise == "none"
     assert keys["[motor]", "ticks_per_turn"].allowed == "whole, 16 to 16777216"

@@ -16,14 +16,8 @@ from s2c2a.arm import (
 from s2c2a.errors import ArmError
 from s2c2a.runtime import CommandLimits
 
-NEW = {
-    "mismatch",
-    "viscous_friction",
-    "travel",
-    "homing_error",
-    "current_noise",
-    "current_friction",
-}
+NEW = {"mismatch", "viscous_friction", "travel"}
+NEW |= {"homing_error", "current_noise", "current_friction"}
 
 
 def with_line(preset: str, table: str, line: str) -> str:
@@ -36,62 +30,37 @@ def with_line(preset: str, table: str, line: str) -> str:
 def test_an_arm_file_without_mismatch_omits_the_table(name):
     """Recordings hold this text, and what is kept is found by it."""
     written = tomllib.loads(arm_to_toml(load_arm(name)))
-    tables = [
-        written["motor"],
-        *written["modules"],
-        *(module["cable"] for module in written["modules"]),
-    ]
-    assert not NEW & set().union(*tables)
+    cables = [module["cable"] for module in written["modules"]]
+    assert not NEW & set().union(written["motor"], *written["modules"], *cables)
 
 
 def test_mismatch_survives_a_file(make_arm):
-    module = {
-        "cable": {
-            "backlash": (0.001, 0.0, 0.0005),
-            "viscous_friction": 3.0,
-            "travel": 0.03,
-        }
-    }
-    arm = make_arm(
-        module=module
-        | {
-            "mismatch": Mismatch(
-                coupling=0.0, radius_errors=(0.1, 0.0, -0.1), relaxing=(0.1, 0.2)
-            )
-        }
-    )
+    cable = {"backlash": (0.001, 0.0, 0.0005), "viscous_friction": 3.0, "travel": 0.03}
+    wrong = Mismatch(coupling=0, radius_errors=(0.1, 0.0, -0.1), relaxing=(0.1, 0.2))
+    arm = make_arm(module={"cable": cable, "mismatch": wrong})
     assert arm_from_toml(arm_to_toml(arm)) == arm
-    assert arm.differences(make_arm(module=module))
+    assert arm.differences(make_arm(module={"cable": cable}))
 
 
-@pytest.mark.parametrize(
-    ("line", "said"),
-    [
-        (
-            "radius_errors = [0.1, 0.2]",
-            "mismatch.radius_errors has 2 numbers; give one for each of the 3 cables",
-        ),
-        (
-            "radius_errors = [0.1, 0.2, 0.9]",
-            "mismatch.radius_errors: write 0.5 or less",
-        ),
-        ("radius_errors = []", "mismatch.radius_errors: give at least 1"),
-        (
-            'angle_errors_deg = [0.0, 0.0, "5"]',
-            "a number is needed, without quotes, got '5'",
-        ),
-        ("angle_errors_deg = [-40.0, 40.0, 0.0]", "leave a gap of 200 deg"),
-        ("relaxing = [0.6, 0.4]", "below 1 together"),
-        ("relaxing = [-0.1, 0.1]", "from 0"),
-        ("relaxation_times = [0.0, 20.0]", "times above 0 s"),
-        ("couplin = 0.1", "did you mean coupling?"),
-    ],
-)
+COUNT = "has 2 numbers; give one for each of the 3 cables"
+INVALID = {
+    "radius_errors = [0.1, 0.2]": f"mismatch.radius_errors {COUNT}",
+    "radius_errors = [0.1, 0.2, 0.9]": "mismatch.radius_errors: write 0.5 or less",
+    "radius_errors = []": "mismatch.radius_errors: give at least 1",
+    'angle_errors_deg = [0.0, 0.0, "5"]': "a number is needed, without quotes, got '5'",
+    "angle_errors_deg = [-40.0, 40.0, 0.0]": "leave a gap of 200 deg",
+    "relaxing = [0.6, 0.4]": "below 1 together",
+    "relaxing = [-0.1, 0.1]": "from 0",
+    "relaxation_times = [0.0, 20.0]": "times above 0 s",
+    "couplin = 0.1": "did you mean coupling?",
+}
+
+
+@pytest.mark.parametrize(("line", "said"), INVALID.items())
 def test_invalid_mismatch_is_rejected(line, said):
+    arm = arm_to_toml(load_arm("twin_arm"))
     with pytest.raises(ArmError, match="fault") as caught:
-        arm_from_toml(
-            arm_to_toml(load_arm("twin_arm")) + f"\n[modules.mismatch]\n{line}\n"
-        )
+        arm_from_toml(f"{arm}\n[modules.mismatch]\n{line}\n")
     assert said in str(caught.value)
 
 
@@ -123,10 +92,8 @@ def test_cable_travel_does_not_change_the_speed_of_commands(make_arm):
     steps = []
     for way in (None, 0.04):
         limits = CommandLimits.of(make_arm(module={"cable": {"travel": way}}))
-        rest, far = (
-            limits.rest,
-            ArmGeometry.of(make_arm()).actions_at(np.tile([0.9, 0.0], (3, 1))),
-        )
+        rest = limits.rest
+        far = ArmGeometry.of(make_arm()).actions_at(np.tile([0.9, 0.0], (3, 1)))
         steps.append(limits.limited(far, rest, np.zeros_like(rest), far) - rest)
     assert np.abs(steps[0]).max() == pytest.approx(0.027 * np.deg2rad(4.0))
     np.testing.assert_allclose(*steps)

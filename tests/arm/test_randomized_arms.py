@@ -15,12 +15,8 @@ DRAWN = 40
 
 def values(key: str, strength: float) -> np.ndarray:
     """Of a key of `mismatch`, in all modules of many arms."""
-    return np.array(
-        [
-            per_module(randomized_arm(TWIN, seed, strength), f"mismatch.{key}")
-            for seed in range(DRAWN)
-        ]
-    )
+    arms = [randomized_arm(TWIN, seed, strength) for seed in range(DRAWN)]
+    return np.array([per_module(arm, f"mismatch.{key}") for arm in arms])
 
 
 @pytest.mark.parametrize("strength", [0.5, 1.0])
@@ -46,19 +42,15 @@ def test_mismatch_fills_its_range_in_proportion_to_the_strength(
 
 def test_fixed_parameters_have_their_value():
     arm = randomized_arm(TWIN, 2, 1.0)
-    for key, value in (
-        ("coupling", 0.25),
-        ("stiffness_ratio", 1.15),
-        ("hardening", 0.2),
-    ):
+    fixed = {"coupling": 0.25, "stiffness_ratio": 1.15, "hardening": 0.2}
+    for key, value in fixed.items():
         np.testing.assert_array_equal(per_module(arm, f"mismatch.{key}"), value)
     np.testing.assert_array_equal(np.abs(per_module(arm, "mismatch.drift")), 0.05)
     np.testing.assert_array_equal(per_module(arm, "cable.friction"), 0.1)
     assert per_module(arm, "cable.viscous_friction").min() > 0
     assert arm.motor.homing_error == pytest.approx(3e-4)
-    np.testing.assert_array_equal(
-        per_module(arm, "mismatch.relaxation_times"), [[2.0, 20.0]] * 3
-    )
+    times = per_module(arm, "mismatch.relaxation_times")
+    np.testing.assert_array_equal(times, [[2.0, 20.0]] * 3)
 
 
 def test_backlash_differs_between_cables_and_replaces_the_bases_with_the_strength():
@@ -69,9 +61,8 @@ def test_backlash_differs_between_cables_and_replaces_the_bases_with_the_strengt
     assert whole.min() >= 0.2e-3
     assert whole.max() <= 1.0e-3
     assert len(np.unique(whole)) == whole.size
-    np.testing.assert_allclose(
-        half, 0.5 * (whole + per_cable(TWIN, "cable.backlash")), rtol=1e-3
-    )
+    mean = 0.5 * (whole + per_cable(TWIN, "cable.backlash"))
+    np.testing.assert_allclose(half, mean, rtol=1e-3)
 
 
 def test_modules_shorten_by_two_to_four_per_cent_with_all_of_them_at_full_bend():
@@ -114,7 +105,6 @@ def test_randomized_arms_are_stable(base, seed):
 def test_the_command_writes_the_sampled_arm(tmp_path, capsys):
     command = ["arm", "random", "--seed", "3", "--strength", "0.5", "--out"]
     main([*command, str(tmp_path / "drawn.toml")])
-    assert (tmp_path / "drawn.toml").read_text() == arm_to_toml(
-        randomized_arm(TWIN, 3, 0.5)
-    )
+    written = (tmp_path / "drawn.toml").read_text()
+    assert written == arm_to_toml(randomized_arm(TWIN, 3, 0.5))
     assert "drawn.toml" in capsys.readouterr().out

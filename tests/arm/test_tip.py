@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
+from held_arm import settled
 from s2c2a.arm import ArmGeometry, ArmSpec, arm_from_toml, arm_to_toml
 from s2c2a.estimation.modal_model import LinearizedArm
 from s2c2a.lab.tracking.arcs import ArcChain
 from s2c2a.models.disturbances import moments_of_weights
 from s2c2a.models.trunk import Trunk
-from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.robots.simulation.modes import first_mode
 
 MASS = 0.05  # kg
@@ -19,32 +19,27 @@ def carrying(arm: ArmSpec, mass: float = MASS) -> ArmSpec:
     return arm_from_toml(f"{arm_to_toml(arm)}\n[tip]\nmass = {mass}\n")
 
 
-def settled(arm: ArmSpec, payload: float) -> np.ndarray:
+def states_of(arm: ArmSpec, payload: float) -> np.ndarray:
     """States of the simulated arm after holding a bend for three seconds."""
-    robot = SimulatedRobot(arm, payload=payload)
-    robot.open()
-    for _ in range(round(3.0 * arm.control_rate)):
-        robot.step(ArmGeometry.of(arm).actions_at(np.full((3, 2), 0.3)))
-    return robot.states()
+    action = ArmGeometry.of(arm).actions_at(np.full((3, 2), 0.3))
+    return settled(arm, action, seconds=3.0, payload=payload).states()
 
 
 def test_the_simulated_arm_sags_as_with_a_payload_and_a_payload_adds_to_it(twin):
-    straight = settled(twin, 0.0)
-    sagging = settled(twin, MASS)
+    straight = states_of(twin, 0.0)
+    sagging = states_of(twin, MASS)
     assert np.linalg.norm(sagging[-1, :3] - straight[-1, :3]) > 0.01
-    np.testing.assert_allclose(settled(carrying(twin), 0.0), sagging, atol=1e-9)
-    both = settled(carrying(twin), 0.03)
-    np.testing.assert_allclose(both, settled(twin, MASS + 0.03), atol=1e-9)
+    np.testing.assert_allclose(states_of(carrying(twin), 0.0), sagging, atol=1e-9)
+    both = states_of(carrying(twin), 0.03)
+    np.testing.assert_allclose(both, states_of(twin, MASS + 0.03), atol=1e-9)
 
 
 def test_statics_of_the_model_have_its_moments(twin):
     bends = np.full((3, 2), 0.3)
 
     def moments(weights):
-        body = Trunk.of(twin)
-        return np.asarray(
-            moments_of_weights(weights, bends, body.lengths, body.compliances, ACROSS)
-        )
+        shape = bends, Trunk.of(twin).lengths, Trunk.of(twin).compliances
+        return np.asarray(moments_of_weights(weights, *shape, ACROSS))
 
     payload = MASS * moments(np.array([0.0, 0.0, 1.0]))
     assert np.abs(payload).max() > 0.01

@@ -22,32 +22,24 @@ def axes(bends):
     return configurations_from_bends(jnp.asarray(bends, dtype=jnp.float32))
 
 
-def drive(controller, plant, desired, steps, first=STRAIGHT):
-    """Bends and integrals over the steps.
-
-    `plant` maps bends of the cables to bends, `desired` maps a step to bends.
-    """
-    bends = np.asarray(first)
-    memory = controller.start(axes(first))
+def drive(controller, plant, desired):
+    """Bends and integrals over the steps; `plant` maps bends of the cables to bends."""
+    bends = STRAIGHT
+    memory = controller.start(axes(STRAIGHT))
     reached = []
     offsets = []
-    for step in range(steps):
-        action, memory = act(controller, axes(desired(step)), axes(bends), memory)
+    for target in desired:
+        action, memory = act(controller, axes(target), axes(bends), memory)
         bends = plant(np.asarray(MAP.bends(action)))
         reached.append(bends)
         offsets.append(np.asarray(memory.offset))
     return np.array(reached), np.array(offsets)
 
 
-def constant(step):
-    return DESIRED
-
-
 def test_a_constant_offset_is_integrated_away():
     """The error shrinks by 1 - gain in a step."""
-    reached, offsets = drive(
-        CorrectedController(INNER, 0.2), lambda bends: bends + OFFSET, constant, 60
-    )
+    controller = CorrectedController(INNER, 0.2)
+    reached, offsets = drive(controller, lambda bends: bends + OFFSET, [DESIRED] * 60)
     np.testing.assert_allclose(reached[0] - DESIRED, OFFSET, atol=1e-5)
     np.testing.assert_allclose(reached[10] - DESIRED, 0.8**10 * OFFSET, atol=1e-4)
     np.testing.assert_allclose(reached[-1], DESIRED, atol=1e-4)
@@ -58,7 +50,7 @@ def test_a_constant_offset_is_integrated_away():
 def test_the_integral_never_exceeds_its_limit(largest):
     """A plant that does not move at all."""
     controller = CorrectedController(INNER, 0.5, largest)
-    _, offsets = drive(controller, lambda bends: np.zeros_like(bends), constant, 50)
+    _, offsets = drive(controller, np.zeros_like, [DESIRED] * 50)
     lengths = np.linalg.norm(offsets, axis=-1)
     assert lengths.max() <= largest + 1e-6
     np.testing.assert_allclose(lengths[-1], largest, atol=1e-6)
@@ -72,10 +64,8 @@ def test_an_integral_at_its_limit_falls_as_soon_as_the_error_changes_sign():
     for _ in range(50):
         _, memory = act(controller, axes(DESIRED), axes(STRAIGHT), memory)
     _, after = act(controller, axes(DESIRED), axes(2 * DESIRED), memory)
-    assert (
-        np.linalg.norm(after.offset, axis=-1)
-        < np.linalg.norm(memory.offset, axis=-1) - 0.01
-    ).all()
+    before = np.linalg.norm(memory.offset, axis=-1)
+    assert (np.linalg.norm(after.offset, axis=-1) < before - 0.01).all()
 
 
 def test_without_an_error_the_action_is_that_of_the_inner_controller():
@@ -101,12 +91,9 @@ def test_the_initial_error_is_zero_at_any_configuration():
 
 def test_the_error_uses_the_desired_bends_of_the_last_step():
     """A plan that moves on causes no error."""
-    reached, offsets = drive(
-        CorrectedController(INNER, 0.2),
-        lambda bends: bends,
-        lambda step: 0.05 * step * DESIRED,
-        20,
-    )
+    controller = CorrectedController(INNER, 0.2)
+    desired = [0.05 * step * DESIRED for step in range(20)]
+    reached, offsets = drive(controller, lambda bends: bends, desired)
     np.testing.assert_allclose(offsets, 0.0, atol=1e-5)
     np.testing.assert_allclose(reached[-1], 0.95 * DESIRED, atol=1e-5)
 

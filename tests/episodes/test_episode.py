@@ -10,6 +10,7 @@ from s2c2a.spaces import Stage
 
 STEPS = 6
 TIME = 0.1 * np.arange(STEPS)
+ZEROS = np.zeros((STEPS, 3, 3))
 
 
 @pytest.fixture
@@ -17,17 +18,12 @@ def made(twin):
     """Makes an episode of a few steps; `changes` are columns, None leaves one out."""
 
     def make(options=None, **changes):
-        columns = {
-            "time": TIME,
-            "actions": np.zeros((STEPS, 3, 3)),
-            "sensor.cables": np.ones((STEPS, 3, 3)),
-        }
-        columns |= {name.replace("__", "."): values for name, values in changes.items()}
-        return Episode(
-            twin,
-            {name: values for name, values in columns.items() if values is not None},
-            options or {},
-        )
+        columns = {"time": TIME, "actions": ZEROS, "sensor.cables": 1.0 + ZEROS}
+        for name, values in changes.items():
+            columns[name.replace("__", ".")] = values
+            if values is None:
+                del columns[name]
+        return Episode(twin, columns, options or {})
 
     return make
 
@@ -41,66 +37,51 @@ def test_an_episode_has_a_length_sensors_and_columns(made):
 
 
 def test_a_missing_column_is_reported_with_the_existing_ones(made):
-    with pytest.raises(
-        RecordingError, match=r"no 'sensor.flex'; it has time, actions, sensor.cables"
-    ):
+    told = r"no 'sensor.flex'; it has time, actions, sensor.cables"
+    with pytest.raises(RecordingError, match=told):
         made().sensor("flex")
 
 
+NO_NUMBERS = "not numbers for every step"
 REFUSED = {
     "no time": ({"time": None}, "needs time; it has actions"),
     "no actions": ({"actions": None}, "needs actions"),
-    "columns of different lengths": (
-        {"planned": np.zeros((STEPS - 1, 3, 3))},
-        "as many steps",
-    ),
+    "columns of different lengths": ({"planned": ZEROS[1:]}, "as many steps"),
     "actions of another arm": (
         {"actions": np.zeros((STEPS, 3, 4))},
         r"'actions' is of shape \(3, 4\) a step.*\(3, 3\)",
     ),
     "states without axes": (
-        {"sensor__states": np.zeros((STEPS, 3, 3))},
+        {"sensor__states": ZEROS},
         r"'sensor.states' is of shape \(3, 3\)",
     ),
     "flat configurations": (
         {"sensor__configurations": np.zeros((STEPS, 9))},
         "'sensor.configurations'",
     ),
-    "a sensed column of another shape": ({"sensed": np.zeros((STEPS, 3))}, "'sensed'"),
-    "a plan of another shape": ({"planned": np.zeros((STEPS, 2, 3))}, "'planned'"),
-    "a prediction of another shape": (
-        {"predicted": np.zeros((STEPS, 3, 3))},
-        "'predicted'",
-    ),
+    "a sensed column of another shape": ({"sensed": ZEROS[:, 0]}, "'sensed'"),
+    "a plan of another shape": ({"planned": ZEROS[:, :2]}, "'planned'"),
+    "a prediction of another shape": ({"predicted": ZEROS}, "'predicted'"),
     "targets of another shape": (
-        {"desired_positions": np.zeros((STEPS, 3))},
+        {"desired_positions": ZEROS[:, 0]},
         "'desired_positions'",
     ),
-    "stages that are no numbers": ({"stage": np.zeros((STEPS, 2))}, "'stage'"),
+    "stages that are no numbers": ({"stage": ZEROS[:, 0, :2]}, "'stage'"),
     "actions that are not finite": (
-        {"actions": np.full((STEPS, 3, 3), np.nan)},
+        {"actions": np.nan * ZEROS},
         "'actions' holds numbers that are not",
     ),
     "a time that is not finite": (
         {"time": np.array([0, 1, 2, np.inf, 4, 5])},
         "'time' holds numbers that are not finite",
     ),
-    "a time that stands": (
-        {"time": np.array([0.0, 0.1, 0.1, 0.2, 0.3, 0.4])},
-        "must rise",
-    ),
-    "words": ({"note": np.array(["a"] * STEPS)}, "not numbers for every step"),
-    "objects": ({"note": np.array([None] * STEPS)}, "not numbers for every step"),
-    "complex numbers": (
-        {"note": np.zeros(STEPS, complex)},
-        "not numbers for every step",
-    ),
-    "more digits than a file keeps": (
-        {"note": np.zeros(STEPS, np.longdouble)},
-        "not numbers for every step",
-    ),
-    "one number for all": ({"note": np.float64(3)}, "not numbers for every step"),
-    "ragged rows": ({"note": [[1.0], [1.0, 2.0]] * 3}, "not numbers for every step"),
+    "a time that stands": ({"time": TIME[[0, 1, 1, 2, 3, 4]]}, "must rise"),
+    "words": ({"note": np.array(["a"] * STEPS)}, NO_NUMBERS),
+    "objects": ({"note": np.array([None] * STEPS)}, NO_NUMBERS),
+    "complex numbers": ({"note": np.zeros(STEPS, complex)}, NO_NUMBERS),
+    "more digits than a file keeps": ({"note": np.longdouble(TIME)}, NO_NUMBERS),
+    "one number for all": ({"note": np.float64(3)}, NO_NUMBERS),
+    "ragged rows": ({"note": [[1.0], [1.0, 2.0]] * 3}, NO_NUMBERS),
 }
 
 
@@ -133,9 +114,7 @@ STAGES = np.array(
 )
 
 
-def test_a_run_is_its_run_and_hold_stages_and_results_are_one_step_later(
-    made,
-):
+def test_a_run_is_its_run_and_hold_stages_and_results_are_one_step_later(made):
     states = np.zeros((STEPS, 3, 6))
     states[:, 0, 0] = np.arange(STEPS)
     episode = made(stage=STAGES, sensor__states=states)
@@ -145,9 +124,7 @@ def test_a_run_is_its_run_and_hold_stages_and_results_are_one_step_later(
     np.testing.assert_allclose(episode.ran("time"), [0.1, 0.2, 0.3])
 
 
-def test_without_stages_all_steps_are_the_run_and_the_last_has_no_result(
-    made,
-):
+def test_without_stages_all_steps_are_the_run_and_the_last_has_no_result(made):
     episode = made()
     assert len(episode.running) == STEPS
     with pytest.raises(RecordingError, match="nothing was read after the last action"):
@@ -157,32 +134,19 @@ def test_without_stages_all_steps_are_the_run_and_the_last_has_no_result(
 def test_with_options_adds_options_to_a_copy(made):
     first = made({"seed": 1})
     second = first.with_options(task="circle", seed=2)
-    assert (first.options, second.options) == (
-        {"seed": 1},
-        {"seed": 2, "task": "circle"},
-    )
+    assert first.options == {"seed": 1}
+    assert second.options == {"seed": 2, "task": "circle"}
 
 
-def test_stacking_repeats_last_rows_and_rejects_different_shapes(made, twin):
-    short = Episode(
-        twin,
-        {
-            "time": TIME[:3],
-            "actions": np.zeros((3, 3, 3)),
-            "sensor.other": np.zeros((3, 2)),
-        },
-    )
-    longer = Episode(
-        twin,
-        {
-            "time": TIME[:4],
-            "actions": np.zeros((4, 3, 3)),
-            "sensor.other": np.zeros((4, 1)),
-        },
-    )
+def test_stacking_repeats_last_rows_and_rejects_different_shapes(made):
+    def of(steps, shape):
+        times, actions = TIME[:steps], ZEROS[:steps]
+        columns = {"sensor__cables": actions, "sensor__other": np.zeros(shape)}
+        return made(time=times, actions=actions, **columns)
+
+    short, longer = of(3, (3, 2)), of(4, (4, 1))
     assert stacked([made(), made()], "actions").shape == (2, STEPS, 3, 3)
-    np.testing.assert_array_equal(
-        stacked([longer, short], "time"), [TIME[:4], [*TIME[:3], TIME[2]]]
-    )
+    expected = [TIME[:4], [*TIME[:3], TIME[2]]]
+    np.testing.assert_array_equal(stacked([longer, short], "time"), expected)
     with pytest.raises(RecordingError, match="has shapes"):
         stacked([longer, short], "sensor.other")

@@ -17,21 +17,13 @@ from s2c2a.errors import DamagedRecordingError, RecordingError
 from marks import slow_after
 
 STEPS = 4
-OPTIONS = {
-    "task": "circle",
-    "seed": 3,
-    "speeds": [0.03, 0.22],
-    "body": None,
-    "nested": {"a": [1, "zwei"]},
-}
+OPTIONS = {"seed": 3, "speeds": [0.03, 0.22], "no": None, "nested": {"a": [1, "zwei"]}}
 
 
 def random_episode(arm, seed=0, steps=STEPS):
     """Numbers of the right shapes."""
-    random, cables = (
-        np.random.default_rng(seed),
-        (steps, arm.module_count, arm.cable_count),
-    )
+    random = np.random.default_rng(seed)
+    cables = (steps, arm.module_count, arm.cable_count)
     columns = {
         "time": np.cumsum(random.uniform(0.1, 0.2, steps)),
         "actions": random.normal(size=cables),
@@ -69,39 +61,18 @@ def grown(twin, tmp_path, three):
     return path
 
 
-def test_episodes_survive_a_file_bit_for_bit(tmp_path, three):
-    save_episodes(three, tmp_path / "three.episodes", OPTIONS)
-    found, options = load_episodes(tmp_path / "three.episodes")
-    assert options == OPTIONS
-    for one, other in zip(found, three, strict=True):
-        assert_same(one, other)
-        assert list(one.columns) == sorted(one.columns)
+def test_episodes_survive_a_file_bit_for_bit_at_once_and_one_by_one(grown, three):
+    at_once = save_episodes(three, grown.with_name("three.episodes"), OPTIONS)
+    for path in (at_once, grown):
+        found, options = load_episodes(path)
+        assert options == OPTIONS
+        for one, other in zip(found, three, strict=True):
+            assert_same(one, other)
+            assert list(one.columns) == sorted(one.columns)
 
 
-def test_an_appended_file_has_the_same_content(grown, three):
-    found, options = load_episodes(grown)
-    assert options == OPTIONS
-    for one, other in zip(found, three, strict=True):
-        assert_same(one, other)
-
-
-KINDS = [
-    "f8",
-    "f4",
-    "f2",
-    "i8",
-    "i4",
-    "i2",
-    "i1",
-    "u8",
-    "u4",
-    "u2",
-    "u1",
-    "?",
-    ">f8",
-    ">i4",
-]
-NUMBERS = st.sampled_from(KINDS).flatmap(
+KINDS = "f8 f4 f2 i8 i4 i2 i1 u8 u4 u2 u1 ? >f8 >i4"
+NUMBERS = st.sampled_from(KINDS.split()).flatmap(
     lambda kind: hnp.arrays(np.dtype(kind), (STEPS, 3))
 )
 
@@ -110,12 +81,9 @@ NUMBERS = st.sampled_from(KINDS).flatmap(
 @given(NUMBERS)
 def test_values_of_every_type_survive_a_file(twin, tmp_path, values):
     """NaN, infinities, subnormal numbers, the largest integers, both byte orders."""
-    columns = {
-        "time": np.arange(STEPS) * 0.1,
-        "actions": np.zeros((STEPS, 3, 3)),
-        "sensor.own": values,
-    }
-    save_episodes([Episode(twin, columns)], tmp_path / "one.episodes")
+    columns = {"time": np.arange(STEPS) * 0.1, "actions": np.zeros((STEPS, 3, 3))}
+    episode = Episode(twin, columns | {"sensor.own": values})
+    save_episodes([episode], tmp_path / "one.episodes")
     found = load_episodes(tmp_path / "one.episodes")[0][0].sensor("own")
     assert found.dtype == values.dtype.newbyteorder("=")
     assert found.tobytes() == values.astype(found.dtype).tobytes()
@@ -191,35 +159,38 @@ def test_a_truncated_file_with_a_known_count_is_rejected(tmp_path, three):
             load_episodes(path)
 
 
+def starts_in(whole):
+    """Where blocks begin."""
+    return [at for at in range(len(whole)) if whole.startswith(blocks.WORD, at)]
+
+
 def flips(path):
     """Sample byte positions: the starts of file and blocks, and some between."""
     whole = path.read_bytes()
-    starts = [at for at in range(len(whole)) if whole.startswith(blocks.WORD, at)]
-    places = set(range(starts[1])) | {
-        at + byte for at in starts for byte in range(blocks.START + 16)
-    }
-    places |= set(np.random.default_rng(0).integers(0, len(whole), 200).tolist()) | set(
-        range(len(whole) - 20, len(whole))
-    )
+    places = np.random.default_rng(0).integers(0, len(whole), 200)
+    parts = [range(starts_in(whole)[1]), range(len(whole) - 20, len(whole))]
+    parts += [range(at, at + blocks.START + 16) for at in starts_in(whole)]
+    places = set(places.tolist()).union(*parts)
     return sorted(place for place in places if place < len(whole))
+
+
+def flipped(whole, place, mask):
+    """The bytes with one of them changed."""
+    return whole[:place] + bytes([whole[place] ^ mask]) + whole[place + 1 :]
 
 
 @pytest.mark.parametrize("mask", [0x01, 0x80, 0xFF])
 def test_one_changed_byte_anywhere_is_detected(grown, mask):
     whole = grown.read_bytes()
     for place in flips(grown):
-        grown.write_bytes(
-            whole[:place] + bytes([whole[place] ^ mask]) + whole[place + 1 :]
-        )
+        grown.write_bytes(flipped(whole, place, mask))
         with pytest.raises(DamagedRecordingError):
             load_episodes(grown)
 
 
 def test_moved_duplicated_and_removed_episodes_are_detected(grown):
-    whole, word = grown.read_bytes(), blocks.WORD
-    starts = [at for at in range(len(whole)) if whole.startswith(word, at)] + [
-        len(whole)
-    ]
+    whole = grown.read_bytes()
+    starts = [*starts_in(whole), len(whole)]
     head, *episodes = [whole[begin:end] for begin, end in pairwise(starts)]
     for order in ([1, 0, 2], [0, 0, 1, 2], [1, 2], [0, 2]):
         grown.write_bytes(head + b"".join(episodes[place] for place in order))
@@ -227,12 +198,10 @@ def test_moved_duplicated_and_removed_episodes_are_detected(grown):
             load_episodes(grown)
 
 
-def test_a_writer_rejects_a_file_damaged_before_its_last_episode(
-    grown,
-):
+def test_a_writer_rejects_a_file_damaged_before_its_last_episode(grown):
     whole, last = grown.read_bytes(), last_block(grown)
     for place in [place for place in flips(grown) if place < last]:
-        damaged = whole[:place] + bytes([whole[place] ^ 0xFF]) + whole[place + 1 :]
+        damaged = flipped(whole, place, 0xFF)
         grown.write_bytes(damaged)
         with pytest.raises(DamagedRecordingError):
             EpisodeWriter(grown)
@@ -275,14 +244,11 @@ def test_a_second_writer_is_rejected(grown, twin):
 
 
 def test_each_episode_is_in_the_file_as_soon_as_it_is_added(twin, tmp_path, three):
-    writer = EpisodeWriter.create(tmp_path / "growing.episodes", twin, {})
+    path = tmp_path / "growing.episodes"
+    writer = EpisodeWriter.create(path, twin, {})
     for count, episode in enumerate(three, 1):
         writer.append(episode)
-        assert (
-            len(load_episodes(tmp_path / "growing.episodes")[0])
-            == writer.count
-            == count
-        )
+        assert len(load_episodes(path)[0]) == writer.count == count
     writer.close()
 
 
@@ -322,15 +288,13 @@ def written(path, *contents):
             before = blocks.write_block(file, content, before)
 
 
+HEAD = {"schema": 2, "arm": "", "options": {}, "count": None}
+NO_ARM = {name: value for name, value in HEAD.items() if name != "arm"}
 HEADS = {
     "no JSON": b"\xff\xfe",
-    "another schema": json.dumps(
-        {"schema": 99, "arm": "", "options": {}, "count": None}
-    ).encode(),
-    "no arm": json.dumps({"schema": 2, "options": {}, "count": None}).encode(),
-    "an arm that is none": json.dumps(
-        {"schema": 2, "arm": "name = ", "options": {}, "count": None}
-    ).encode(),
+    "another schema": json.dumps(HEAD | {"schema": 99}).encode(),
+    "no arm": json.dumps(NO_ARM).encode(),
+    "an arm that is none": json.dumps(HEAD | {"arm": "name = "}).encode(),
     "a list": b"[]",
     "deep": b"[" * 100_000,
 }
@@ -343,35 +307,31 @@ def test_an_invalid_header_with_a_valid_checksum_is_rejected(tmp_path, head):
         load_episodes(tmp_path / "odd.episodes")
 
 
-def packed(header, data=b""):
+def packed(data=b"", options=None, **time):
     """Content in the safetensors format, by hand."""
-    words = json.dumps(header).encode()
+    header = {} if options is None else {"__metadata__": {"options": options}}
+    words = json.dumps(header | ({"time": time} if time else {})).encode()
     return len(words).to_bytes(8, "little") + words + data
-
-
-def tensor(shape, end, kind="F64"):
-    return {"dtype": kind, "shape": shape, "data_offsets": [0, end]}
 
 
 EPISODES = {
     "nothing": b"",
     "no safetensors": b"\xff" * 40,
-    "no options": packed({"time": tensor([0], 0)}),
-    "options that are no JSON": packed({"__metadata__": {"options": "{"}}),
-    "no columns": packed({"__metadata__": {"options": "{}"}}),
+    "no options": packed(dtype="F64", shape=[0], data_offsets=[0, 0]),
+    "options that are no JSON": packed(options="{"),
+    "no columns": packed(options="{}"),
     "more numbers than there are": packed(
-        {"__metadata__": {"options": "{}"}, "time": tensor([10**12], 8 * 10**12)}
+        options="{}", dtype="F64", shape=[10**12], data_offsets=[0, 8 * 10**12]
     ),
     "numbers of an unknown kind": packed(
-        {"__metadata__": {"options": "{}"}, "time": tensor([1], 2, "BF16")}, bytes(2)
+        bytes(2), "{}", dtype="BF16", shape=[1], data_offsets=[0, 2]
     ),
 }
 
 
 @pytest.mark.parametrize("content", EPISODES.values(), ids=EPISODES)
 def test_an_invalid_episode_with_a_valid_checksum_is_rejected(twin, tmp_path, content):
-    written(
-        tmp_path / "odd.episodes", episode_file._pack_header(twin, {}, None), content
-    )
+    path = tmp_path / "odd.episodes"
+    written(path, episode_file._pack_header(twin, {}, None), content)
     with pytest.raises(DamagedRecordingError):
-        load_episodes(tmp_path / "odd.episodes")
+        load_episodes(path)

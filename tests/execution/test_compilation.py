@@ -36,18 +36,16 @@ def evaluated_by_pair(pair, power, x):
     return pair.line(x + pair.shift) ** power
 
 
-def a_line(slope, offset=1.0):
-    return Line(jnp.asarray(slope), offset)
+def a_line(slope, offset=1.0, *names):
+    return Line(jnp.asarray(slope), offset, names)
 
 
 def compilations(caplog, call):
     caplog.clear()
     with jax.log_compiles(), caplog.at_level(logging.DEBUG):
         call()
-    return sum(
-        "Finished XLA compilation of jit(evaluated" in record.getMessage()
-        for record in caplog.records
-    )
+    messages = [record.getMessage() for record in caplog.records]
+    return sum("Finished XLA compilation of jit(evaluated" in text for text in messages)
 
 
 def test_other_numbers_of_the_same_shape_share_a_program(caplog):
@@ -58,20 +56,23 @@ def test_other_numbers_of_the_same_shape_share_a_program(caplog):
     assert (float(first(x)), float(second(x))) == (7.0, 11.0)
 
 
-def test_other_leaves_are_constants_of_the_program(caplog):
+OTHERS = {
+    "a leaf": (a_line(3.0, 10.0), a_line(3.0, 20.0), [16.0, 26.0]),
+    "a static field": (a_line(1.0, 0.5, "a"), a_line(1.0, 0.5, "b"), [2.5, 2.5]),
+}
+
+
+@pytest.mark.parametrize(("one", "other", "values"), OTHERS.values(), ids=OTHERS)
+def test_other_leaves_and_static_fields_make_other_programs(caplog, one, other, values):
     x = np.float32(2.0)
-    programs = [
-        compiled(evaluated_by_line, a_line(3.0, offset)) for offset in (10.0, 20.0)
-    ]
+    programs = [compiled(evaluated_by_line, line) for line in (one, other)]
     assert compilations(caplog, lambda: [program(x) for program in programs]) == 2
-    assert [float(program(x)) for program in programs] == [16.0, 26.0]
+    assert [float(program(x)) for program in programs] == values
 
 
 def test_equal_numbers_of_different_types_have_separate_programs():
-    kinds = [
-        compiled(jnp.multiply, number)(np.int32(3)).dtype.kind
-        for number in (1, 1.0, True)
-    ]
+    programs = [compiled(jnp.multiply, number) for number in (1, 1.0, True)]
+    kinds = [program(np.int32(3)).dtype.kind for program in programs]
     assert kinds == ["i", "f", "i"]
 
 
@@ -81,20 +82,10 @@ def test_shapes_have_separate_programs():
     assert [answer.tolist() for answer in answers] == [[0.0, 2.0], [0.0, 2.0, 4.0]]
 
 
-def test_static_fields_have_separate_programs(caplog):
-    lines = [Line(jnp.asarray(1.0), 0.5, names) for names in (("a",), ("b",))]
-    programs = [compiled(evaluated_by_line, line) for line in lines]
-    assert (
-        compilations(caplog, lambda: [program(np.float32(1.0)) for program in programs])
-        == 2
-    )
-
-
 def test_parts_can_hold_numpy_arrays_in_any_tree():
     pair = Pair(a_line(2.0, 0.0), np.array([1.0, 2.0], np.float32))
-    np.testing.assert_allclose(
-        compiled(evaluated_by_pair, pair, 2)(np.float32(1.0)), [16.0, 36.0]
-    )
+    found = compiled(evaluated_by_pair, pair, 2)(np.float32(1.0))
+    np.testing.assert_allclose(found, [16.0, 36.0])
 
 
 def test_without_parts_and_without_a_name_it_compiles_all_the_same():
@@ -110,9 +101,8 @@ def test_short_and_long_sequences_are_scanned_in_the_same_order(steps, reverse):
         return state + value, state + value
 
     sums = scan(total, jnp.zeros((2, 3)), jnp.asarray(values), reverse)
-    turned = values[:, ::-1] if reverse else values
-    expected = np.cumsum(turned, axis=1)
-    expected = expected[:, ::-1] if reverse else expected
+    order = slice(None, None, -1 if reverse else 1)
+    expected = np.cumsum(values[:, order], axis=1)[:, order]
     np.testing.assert_allclose(sums, expected, rtol=1e-5, atol=1e-6)
 
 

@@ -21,7 +21,9 @@ from s2c2a.execution.executors import (
     in_order,
     max_pending_calls,
 )
+from waiting import until
 
+linux = pytest.mark.skipif(not os.path.isdir("/proc/self/task"), reason="needs /proc")
 EXECUTORS = {
     "serial": Serial,
     "threads": partial(Threads, 3),
@@ -55,9 +57,6 @@ def executor(request):
 
 def test_results_keep_the_order_of_the_arguments(executor):
     assert list(in_order(executor, square, range(7))) == [0, 1, 4, 9, 16, 25, 36]
-
-
-def test_no_arguments_give_no_results(executor):
     assert list(in_order(executor, square, [])) == []
 
 
@@ -70,9 +69,8 @@ def test_exceptions_of_the_work_are_raised_unchanged(executor):
 def test_the_number_of_pending_calls_is_limited():
     taken = []
     with Threads(2) as executor:
-        results = in_order(
-            executor, square, (taken.append(number) or number for number in range(100))
-        )
+        numbers = (taken.append(number) or number for number in range(100))
+        results = in_order(executor, square, numbers)
         next(results)
         assert len(taken) <= max_pending_calls(executor) == 4
         results.close()
@@ -85,10 +83,8 @@ def test_serial_execution_starts_one_call_at_a_time():
 
 
 def test_a_killed_process_is_reported():
-    with (
-        pytest.raises(S2C2AError, match=r"one of 1 processes was killed.*fewer --jobs"),
-        Processes(1) as executor,
-    ):
+    told = r"one of 1 processes was killed.*fewer --jobs"
+    with pytest.raises(S2C2AError, match=told), Processes(1) as executor:
         list(in_order(executor, partial(killed_at, 2), range(5)))
 
 
@@ -121,15 +117,10 @@ print(len([name for name in names if "XLAEigen" in name]))
 """
 
 
-@pytest.mark.skipif(
-    not os.path.isdir("/proc/self/task"), reason="threads are counted under /proc"
-)
+@linux
 def test_a_process_of_ours_computes_on_one_thread():
     """The summation order of XLA depends on its threads; a seed's networks must not."""
-    done = subprocess.run(
-        [sys.executable, "-c", THREADS], capture_output=True, text=True, check=True
-    )
-    assert int(done.stdout) == 1
+    assert int(subprocess.check_output([sys.executable, "-c", THREADS])) == 1
 
 
 ORPHANS = """
@@ -142,27 +133,21 @@ if __name__ == "__main__":
 """
 
 
-@pytest.mark.skipif(
-    not os.path.isdir("/proc/self"), reason="looks for the process under /proc"
-)
+@linux
 def test_workers_end_with_a_killed_parent(tmp_path):
     (tmp_path / "orphans.py").write_text(ORPHANS)
-    with subprocess.Popen(
-        [sys.executable, tmp_path / "orphans.py"], stdout=subprocess.PIPE, text=True
-    ) as killed:
+    command = [sys.executable, tmp_path / "orphans.py"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as killed:
         worker = int(killed.stdout.readline())
         killed.kill()
-    ended = False
-    for _ in range(100):
+
+    def has_ended():
         try:
-            # a zombie: its exit code has not been read
-            ended = (
+            state = (
                 Path(f"/proc/{worker}/stat").read_text().rpartition(")")[2].split()[0]
-                == "Z"
             )
         except OSError:
-            ended = True
-        if ended:
-            break
-        time.sleep(0.1)
-    assert ended
+            return True
+        return state == "Z"  # a zombie: its exit code has not been read
+
+    until(has_ended, 10.0)

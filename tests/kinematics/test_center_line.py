@@ -18,11 +18,10 @@ def line_of(bends, lengths):
 def arc(angle, direction, length):
     """Points of one arc from the base at even parts of its length."""
     angles, radius = angle * SHARES, length / angle
-    aside = radius * (1 - np.cos(angles))
-    return np.stack(
-        [aside * np.cos(direction), aside * np.sin(direction), radius * np.sin(angles)],
-        axis=-1,
+    aside = radius * np.outer(
+        [np.cos(direction), np.sin(direction)], 1 - np.cos(angles)
     )
+    return np.array([*aside, radius * np.sin(angles)]).T
 
 
 def random_bends(*shape):
@@ -37,20 +36,18 @@ def test_a_straight_arm_has_its_points_evenly_on_the_axis():
 
 def test_the_error_grows_with_the_third_power_of_the_bend():
     """Half the angle gives about an eighth of the error, as expected of a cubic."""
-    misses = [
+    small, large = (
         np.abs(line_of([[angle, 0]], [0.2]) - arc(angle, 0, 0.2)).max()
         for angle in (0.4, 0.8)
-    ]
-    assert 1e-5 < misses[1] < 1e-3
-    assert 7 < misses[1] / misses[0] < 8
+    )
+    assert 1e-5 < large < 1e-3
+    assert 7 < large / small < 8
 
 
 def test_equal_bends_are_points_of_one_big_arc():
     angles = 0.9 * np.arange(1, 16) / 15
     radius = 0.6 / 0.9
-    exact = radius * np.stack(
-        [1 - np.cos(angles), np.zeros(15), np.sin(angles)], axis=-1
-    )
+    exact = radius * np.array([1 - np.cos(angles), np.zeros(15), np.sin(angles)]).T
     np.testing.assert_allclose(line_of([[0.3, 0.0]] * 3, [0.2] * 3), exact, atol=1e-4)
 
 
@@ -60,42 +57,30 @@ def test_a_distal_module_bends_in_the_frame_of_the_proximal_end():
     start = 0.2 / quarter * np.array([1.0, 0.0, 1.0])
     exact = arc(0.5, 0.0, 0.2)
     upper = start + np.stack([exact[:, 2], np.zeros(5), -exact[:, 0]], axis=-1)
-    np.testing.assert_allclose(
-        line_of([[quarter, 0], [0.5, 0]], [0.2, 0.2])[5:], upper, atol=1e-3
-    )
+    line = line_of([[quarter, 0], [0.5, 0]], [0.2, 0.2])
+    np.testing.assert_allclose(line[5:], upper, atol=1e-3)
 
 
 @pytest.mark.parametrize("lengths", [(0.2, 0.2, 0.2), (0.05, 0.3, 0.1)])
 def test_the_last_point_of_each_module_is_its_end(lengths):
     bends = random_bends(3).astype(np.float32)
     ends = states_from_bends(bends, np.array(lengths, np.float32))[:, :3]
-    np.testing.assert_allclose(
-        line_of(bends, lengths)[CENTER_LINE_POINTS - 1 :: CENTER_LINE_POINTS],
-        ends,
-        atol=1e-6,
-    )
+    line = line_of(bends, lengths)[CENTER_LINE_POINTS - 1 :: CENTER_LINE_POINTS]
+    np.testing.assert_allclose(line, ends, atol=1e-6)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("points", [1, 5, 16])
 def test_arrays_of_numpy_and_of_jax_have_one_center_line(points):
+    lengths = np.full(3, 0.2, np.float32)
     states = np.asarray(
-        states_from_bends(
-            random_bends(4, 3).astype(np.float32), np.full(3, 0.2, np.float32)
-        )
+        states_from_bends(random_bends(4, 3).astype(np.float32), lengths)
     )
-    lengths = np.full(3, 0.2)
-    exact = center_line(states.astype(float), lengths, points)
-    assert (type(exact), exact.dtype, exact.shape) == (
-        np.ndarray,
-        np.float64,
-        (4, 3 * points, 3),
-    )
-    traced = jax.jit(center_line, static_argnums=2)(
-        states, lengths.astype(np.float32), points
-    )
+    exact = center_line(states.astype(float), lengths.astype(float), points)
+    assert isinstance(exact, np.ndarray)
+    assert (exact.dtype, exact.shape) == (np.float64, (4, 3 * points, 3))
+    traced = jax.jit(center_line, static_argnums=2)(states, lengths, points)
     np.testing.assert_allclose(traced, exact, atol=1e-6)
-    slopes = jax.grad(
-        lambda values: center_line(values, jax.numpy.asarray(lengths), points).sum()
-    )(jax.numpy.asarray(states))
-    assert np.isfinite(slopes).all()
+    lengths = jax.numpy.asarray(lengths)
+    slopes = jax.grad(lambda values: center_line(values, lengths, points).sum())
+    assert np.isfinite(slopes(jax.numpy.asarray(states))).all()

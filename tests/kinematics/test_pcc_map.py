@@ -4,8 +4,9 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+import cable_layouts
 from cable_layouts import even, layouts
-from s2c2a.arm import ArmGeometry, ArmSpec, Module, load_arm
+from s2c2a.arm import ArmGeometry, load_arm
 from s2c2a.kinematics import PCC, configurations_from_bends
 
 RADIUS = 0.027
@@ -17,9 +18,7 @@ kinds = st.sampled_from(["displacement", "tension"])
 
 _bends = jax.jit(lambda pcc, actions: pcc.bends(actions))
 _actions = jax.jit(lambda pcc, bends: pcc.actions(bends))
-_configurations = jax.jit(
-    lambda pcc, actions: configurations_from_bends(pcc.bends(actions))
-)
+_configurations = jax.jit(configurations_from_bends)
 
 
 def bends_held_by(arm, actions):
@@ -31,38 +30,20 @@ def actions_for(arm, bends):
 
 
 def configurations_held_by(arm, actions):
-    return np.asarray(_configurations(PCC.of(arm), np.asarray(actions, np.float32)))
+    return np.asarray(_configurations(bends_held_by(arm, actions)))
 
 
-def module_of(angles, radius=RADIUS) -> Module:
-    return Module(
-        length=0.2,
-        cable_radius=radius,
-        cable_angles_deg=angles,
-        mass=0.075,
-        bending_stiffness=0.16,
-        bend_limit_deg=60.0,
-        pretension=400.0,
-        tension_range=500.0,
-    )
-
-
-def arm_of(angles, actuation="displacement") -> ArmSpec:
-    """One module, so soft that no tension reaches its limit within the full bend."""
-    return ArmSpec(name="arm", actuation=actuation, modules=(module_of(angles),))
+def arm_of(angles, actuation="displacement", radius=RADIUS):
+    """So soft that no tension reaches its limit within the full bend."""
+    values = {"bend_limit_deg": 60.0, "pretension": 400.0, "tension_range": 500.0}
+    return cable_layouts.arm_of(angles, actuation, cable_radius=radius, **values)
 
 
 def paper_configuration(a):
     """Eqs. (2) and (3) as printed."""
     phi = np.sqrt(a[0] ** 2 + (a[1] - a[2]) ** 2 / 3) / RADIUS
     theta = np.arctan2(-a[0], (a[1] - a[2]) / np.sqrt(3))
-    return np.array(
-        [
-            np.sin(phi) * np.cos(theta - np.pi / 2),
-            np.sin(phi) * np.sin(theta - np.pi / 2),
-            np.cos(phi),
-        ],
-    )
+    return np.array([*polar(np.sin(phi), theta - np.pi / 2), np.cos(phi)])
 
 
 def polar(angle, direction):
@@ -79,9 +60,8 @@ def test_three_cables_follow_equations_2_and_3(first, second):
 
 def test_shortening_the_first_cable_bends_towards_it():
     displacements = RADIUS * 0.5 * np.array([-1.0, 0.5, 0.5])
-    np.testing.assert_allclose(
-        bends_held_by(arm_of(even(3)), [displacements]), [[0.5, 0.0]], atol=1e-6
-    )
+    found = bends_held_by(arm_of(even(3)), [displacements])
+    np.testing.assert_allclose(found, [[0.5, 0.0]], atol=1e-6)
 
 
 @quick
@@ -109,9 +89,7 @@ def test_evenly_spread_displacements_keep_the_length_of_the_module(
 def test_displacements_come_back_as_their_bend_for_any_cables(angles, angle, direction):
     arm, bend = arm_of(angles), polar(angle, direction)
     displacements = actions_for(arm, [bend])
-    by_hand = [
-        -RADIUS * angle * np.cos(direction - cable) for cable in np.deg2rad(angles)
-    ]
+    by_hand = -RADIUS * angle * np.cos(direction - np.deg2rad(angles))
     np.testing.assert_allclose(displacements[0], by_hand, atol=1e-7)
     np.testing.assert_allclose(bends_held_by(arm, displacements)[0], bend, atol=2e-6)
 
@@ -121,9 +99,8 @@ def test_displacements_come_back_as_their_bend_for_any_cables(angles, angle, dir
 def test_tensions_come_back_as_their_bend_for_any_cables(angles, angle, direction):
     arm, bend = arm_of(angles, "tension"), polar(angle, direction)
     assume(ArmGeometry.of(arm).action_neutral.min() > 100)  # else a cable goes slack
-    np.testing.assert_allclose(
-        bends_held_by(arm, actions_for(arm, [bend]))[0], bend, atol=2e-4
-    )
+    found = bends_held_by(arm, actions_for(arm, [bend]))
+    np.testing.assert_allclose(found[0], bend, atol=2e-4)
 
 
 @quick
@@ -134,7 +111,7 @@ def test_tensions_hold_the_module_against_its_stiffness(
     """The protocol's T_i = T0 + 2 EI f cos(psi - b_i) / (n r L)."""
     angles = even(cables, offset)
     pull = 2 * 0.16 * angle / (cables * RADIUS * 0.2)
-    by_hand = [400 + pull * np.cos(direction - cable) for cable in np.deg2rad(angles)]
+    by_hand = 400 + pull * np.cos(direction - np.deg2rad(angles))
     tensions = actions_for(arm_of(angles, "tension"), [polar(angle, direction)])
     np.testing.assert_allclose(tensions[0], by_hand, rtol=1e-6)
 
@@ -145,9 +122,8 @@ def test_common_motion_of_evenly_spread_cables_has_no_effect(cables, offset, act
     arm = arm_of(even(cables, offset), actuation)
     actions = actions_for(arm, [[0.3, -0.4]])
     common = {"displacement": 0.005, "tension": 5.0}[actuation]
-    np.testing.assert_allclose(
-        bends_held_by(arm, actions + common), [[0.3, -0.4]], atol=2e-4
-    )
+    found = bends_held_by(arm, actions + common)
+    np.testing.assert_allclose(found, [[0.3, -0.4]], atol=2e-4)
 
 
 @quick
@@ -163,15 +139,11 @@ def test_actions_for_any_bend_stay_within_the_limits(
 
 
 def test_every_module_has_its_own_radius_and_cables():
-    modules = (
-        module_of(even(3), radius=0.01),
-        module_of((60.0, 300.0, 180.0), radius=0.02),
-    )
-    arm = ArmSpec(name="arm", actuation="displacement", modules=modules)
+    arm, other = arm_of(even(3), radius=0.01), arm_of((60, 300, 180), radius=0.02)
+    arm = arm.model_copy(update={"modules": arm.modules + other.modules})
     displacements = [[-0.005, 0.0025, 0.0025], [-0.005, -0.005, 0.01]]
-    np.testing.assert_allclose(
-        actions_for(arm, [[0.5, 0.0], [0.5, 0.0]]), displacements, atol=1e-8
-    )
+    found = actions_for(arm, [[0.5, 0.0], [0.5, 0.0]])
+    np.testing.assert_allclose(found, displacements, atol=1e-8)
 
 
 @pytest.mark.parametrize("batch", [(5,), (2, 3)])
@@ -183,6 +155,5 @@ def test_a_batch_of_actions_is_its_members_one_by_one(batch):
     alone = [bends_held_by(arm, one) for one in actions.reshape(-1, 3, 3)]
     np.testing.assert_allclose(bends.reshape(-1, 3, 2), alone, atol=1e-6)
     back = [actions_for(arm, one) for one in bends.reshape(-1, 3, 2)]
-    np.testing.assert_allclose(
-        actions_for(arm, bends).reshape(-1, 3, 3), back, atol=1e-8
-    )
+    found = actions_for(arm, bends).reshape(-1, 3, 3)
+    np.testing.assert_allclose(found, back, atol=1e-8)

@@ -34,6 +34,13 @@ def find(drives, poses):
     return np.flatnonzero(find_frozen(drives, poses, np.zeros(len(poses), int)))
 
 
+def outliers_of(drives, *ends):
+    """Outliers of ends without axes."""
+    positions = np.stack(ends, axis=1)
+    axes = np.full_like(positions, np.nan)
+    return find_outliers(MeasuredEnds(drives, positions, axes, np.zeros(ROWS, int)))
+
+
 # with few digits, a short run may be equal by chance
 @pytest.mark.parametrize(
     ("count", "digits"), [(1, None), (5, None), (77, None), (5, 5), (77, 4)]
@@ -51,9 +58,7 @@ def test_only_the_frozen_end_is_excluded_and_no_jump_is_reported():
     inner = 0.5 * poses_of(drives)
     outer = poses_of(drives)
     outer[301:340] = outer[300]
-    positions = np.stack([inner, outer], axis=1)
-    axes = np.full_like(positions, np.nan)
-    outliers = find_outliers(MeasuredEnds(drives, positions, axes, np.zeros(ROWS, int)))
+    outliers = outliers_of(drives, inner, outer)
     expected = np.zeros((ROWS, 2), bool)
     expected[301:340, 1] = True
     np.testing.assert_array_equal(outliers.all, expected)
@@ -65,9 +70,7 @@ def test_missing_poses_are_no_excess_however_many_are_frozen():
     poses = poses_of(drives)
     for begin in range(0, ROWS - 10, 10):
         poses[begin + 1 : begin + 4] = poses[begin]
-    positions = poses[:, None]
-    axes = np.full_like(positions, np.nan)
-    outliers = find_outliers(MeasuredEnds(drives, positions, axes, np.zeros(ROWS, int)))
+    outliers = outliers_of(drives, poses)
     assert outliers.frozen.mean() > 0.25
     assert not outliers.is_excessive
 
@@ -84,18 +87,21 @@ def with_rest():
     return drives
 
 
+CALM = {
+    "motion": (moving(), 0.0),
+    "slow motion": (moving(2000.0), 0.0),
+    "rest": (with_rest(), 0.0),
+    "settled": (with_rest(), 0.7),
+    "held steps": (held(23), 0.7),
+    "creep": (held(100), 0.98),
+}
+
+
 @pytest.mark.parametrize("digits", [None, 4, 3])
 @pytest.mark.parametrize(
     ("drives", "settling"),
-    [
-        (moving(), 0.0),
-        (moving(2000.0), 0.0),
-        (with_rest(), 0.0),
-        (with_rest(), 0.7),
-        (held(23), 0.7),
-        (held(100), 0.98),
-    ],
-    ids=["motion", "slow motion", "rest", "settled", "held steps", "creep"],
+    CALM.values(),
+    ids=CALM,
 )
 @pytest.mark.parametrize("noise", [NOISE, 1e-5])
 def test_rest_held_steps_creep_and_few_digits_are_not_frozen(

@@ -10,31 +10,31 @@ LENGTH = 0.1  # m
 JUMP = 0.3  # m
 
 
-def smooth(random, rows=ROWS):
-    """Values of two drives that change slowly."""
-    steps = np.cumsum(random.normal(0, 0.1, (rows, 2)), axis=0)
-    return np.sin(steps)
-
-
-def ends_of(drives, random, noise=1e-3):
+def ends_of(drives, random):
     """Two ends, which move across the arm in proportion to the drives."""
     positions = np.zeros((len(drives), 2, 3))
     positions[..., 2] = LENGTH * np.array([1, 2])
     positions[:, 0, :2] = 0.02 * drives
     positions[:, 1, :2] = 0.06 * drives + 0.01 * drives**2
-    positions += random.normal(0, noise, positions.shape)
+    positions += random.normal(0, 1e-3, positions.shape)
     axes = np.full(positions.shape, np.nan)
     return MeasuredEnds(drives, positions, axes, np.zeros(len(drives), int))
+
+
+def smooth_ends(seed, rows=ROWS):
+    """Rows that are dense in time."""
+    random = np.random.default_rng(seed)
+    steps = np.cumsum(random.normal(0, 0.1, (rows, 2)), axis=0)
+    return ends_of(np.sin(steps), random)
 
 
 @pytest.fixture(params=["dense in time", "random order"])
 def clean(request):
     """Rows that are dense in time, or steady states in random order."""
+    if request.param == "dense in time":
+        return smooth_ends(0)
     random = np.random.default_rng(0)
-    drives = smooth(random)
-    if request.param == "random order":
-        drives = random.uniform(-1, 1, (ROWS, 2))
-    return ends_of(drives, random)
+    return ends_of(random.uniform(-1, 1, (ROWS, 2)), random)
 
 
 def moved(ends, rows, end, offset):
@@ -77,15 +77,13 @@ def test_swapped_ends_are_found_as_such(clean):
     positions = clean.positions.copy()
     positions[100:110] = positions[100:110, ::-1]
     outliers = find_outliers(clean._replace(positions=positions))
-    np.testing.assert_array_equal(
-        np.flatnonzero(outliers.swaps.all(axis=1)), range(100, 110)
-    )
+    swapped = np.flatnonzero(outliers.swaps.all(axis=1))
+    np.testing.assert_array_equal(swapped, range(100, 110))
     assert outliers.kinds == "20 swapped bodies"
 
 
 def test_a_flipped_axis_is_an_outlier():
-    random = np.random.default_rng(1)
-    ends = ends_of(smooth(random), random)
+    ends = smooth_ends(1)
     axes = np.zeros_like(ends.axes)
     axes[..., :2] = 0.3 * ends.drives[:, None]
     axes[..., 2] = 1.0
@@ -95,8 +93,7 @@ def test_a_flipped_axis_is_an_outlier():
 
 
 def test_an_impossible_length_is_found_without_known_drives():
-    random = np.random.default_rng(2)
-    ends = ends_of(smooth(random), random)
+    ends = smooth_ends(2)
     unknown = moved(ends, [40], 1, [0.0, 0.0, LENGTH])
     unknown = unknown._replace(drives=np.full_like(ends.drives, np.nan))
     outliers = find_outliers(unknown, [None, LENGTH])
@@ -105,16 +102,14 @@ def test_an_impossible_length_is_found_without_known_drives():
 
 
 def test_a_motion_that_the_drives_do_not_explain_is_kept():
-    random = np.random.default_rng(3)
-    ends = ends_of(smooth(random), random)
+    ends = smooth_ends(3)
     push = 0.08 * np.sin(np.linspace(0, np.pi, 100)) ** 2
     pushed = moved(ends, np.arange(200, 300), 1, push[:, None] * [1.0, 0.0, 0.0])
     assert find_outliers(pushed).count == 0
 
 
 def test_too_many_outliers_are_excessive():
-    random = np.random.default_rng(4)
-    ends = ends_of(smooth(random), random)
+    ends = smooth_ends(4)
     rows = np.arange(0, ROWS, 4)
     outliers = find_outliers(moved(ends, rows, 1, [JUMP, 0.0, 0.0]))
     assert outliers.count > MAX_SHARE * ROWS
@@ -122,8 +117,7 @@ def test_too_many_outliers_are_excessive():
 
 
 def test_few_and_missing_rows_are_no_outliers():
-    random = np.random.default_rng(5)
-    ends = ends_of(smooth(random, 12), random)
+    ends = smooth_ends(5, 12)
     assert find_outliers(ends).count == 0
     nothing = ends._replace(positions=np.full_like(ends.positions, np.nan))
     outliers = find_outliers(nothing)

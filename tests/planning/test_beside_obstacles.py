@@ -4,20 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from driven import MODEL, TWIN, driven, tips_of
 
-from s2c2a.arm import load_arm
-from s2c2a.estimation import Estimate
 from s2c2a.goals import Goal
-from s2c2a.models.forward_model import PCCForwardModel
 from s2c2a.planning import BEST, Outcome, Planner
 from s2c2a.planning.guides import CLOSEST
 from s2c2a.planning.terms import GuardedPoints
 from s2c2a.tasks import Task, load_task
 
 from marks import slow_after
-
-TWIN = load_arm("twin_arm")
-STRAIGHT = np.tile([0.0, 0.0, 1.0], (3, 1))
 
 
 @pytest.mark.slow
@@ -34,17 +29,14 @@ def test_the_whole_arm_keeps_clear_of_obstacles_that_leave_no_straight_way(
     """
     task = load_task("risk-b", TWIN)
     options = replace(BEST, guard="arm", guides=guides)
-    planner = Planner(TWIN, PCCForwardModel.of(TWIN), options)
-    plan = planner.start(Estimate(STRAIGHT))
+    goals = list(task.shown_goals(TWIN))[:60]
+    plans, _ = driven(Planner(TWIN, MODEL, options), goals)
     points_of = GuardedPoints.of(TWIN, "arm")
-    clearances = []
-    for goal in list(task.shown_goals(TWIN))[:60]:
-        plan = planner.plan(plan, Estimate(plan.configurations), goal)
+    for plan, goal in zip(plans, goals, strict=True):
         points = np.asarray(points_of(plan.expectation.states))
         distances = np.linalg.norm(points[:, None] - goal.obstacles, axis=-1)
         used = goal.thresholds > 0.0
-        clearances.append((distances - goal.thresholds)[:, used].min())
-    assert min(clearances) > least
+        assert (distances - goal.thresholds)[:, used].min() > least
 
 
 @pytest.mark.parametrize("foreseen", [True, False])
@@ -56,18 +48,11 @@ def test_the_tip_skirts_a_sphere_on_the_path_of_its_target(foreseen, beside):
     center, threshold = np.array([0.18, beside, 0.56 + beside]), 0.04
     goal = Goal.of(3).with_obstacles([center], [threshold])
     task = replace(Task.along("arc", path, goal), foreseen=foreseen)
-    planner = Planner(TWIN, PCCForwardModel.of(TWIN), BEST)
-    plan = planner.start(Estimate(STRAIGHT))
     goals = list(task.shown_goals(TWIN))
-    tips = []
-    outcomes = set()
-    for goal in [goals[0]] * 30 + goals:
-        plan = planner.plan(plan, Estimate(plan.configurations), goal)
-        tips.append(np.asarray(plan.expectation.states)[-1, :3])
-        outcomes.add(plan.outcome)
-    assert Outcome.PASSING in outcomes
-    ways = np.linalg.norm(np.diff(tips, axis=0), axis=1)[30:]
-    tips = np.array(tips[30:])
+    plans, planned = driven(Planner(TWIN, MODEL, BEST), [goals[0]] * 30 + goals)
+    assert Outcome.PASSING in {plan.outcome for plan in plans}
+    tips = tips_of(planned)[30:]
+    ways = np.linalg.norm(np.diff(tips, axis=0), axis=1)
     kept = threshold + 0.04 * TWIN.length
     depths = np.maximum(kept - np.linalg.norm(path - center, axis=1), 0.0)
     errors = np.linalg.norm(tips - path, axis=1)

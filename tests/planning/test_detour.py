@@ -6,21 +6,18 @@ from dataclasses import replace
 import jax
 import numpy as np
 import pytest
+from driven import MODEL, TWIN, bends_of, driven
+from scipy.spatial.transform import Rotation
 
-from s2c2a.arm import ArmGeometry, load_arm
 from s2c2a.arm.geometry import center_line
-from s2c2a.estimation import Estimate
 from s2c2a.goals import Goal, previewed
-from s2c2a.kinematics import bends_from_configurations, states_from_bends
-from s2c2a.models.forward_model import PCCForwardModel
+from s2c2a.kinematics import states_from_bends
 from s2c2a.planning import BEST, Detour, Outcome, Planner
 from s2c2a.planning.ways import Roadmap, resampled
 
 from marks import slow_after
 
-TWIN = load_arm("twin_arm")
-MODEL = PCCForwardModel.of(TWIN)
-LENGTHS = np.asarray(ArmGeometry.of(TWIN).lengths, np.float32)
+LENGTHS = np.full(3, 0.2, np.float32)
 STRAIGHT = np.zeros((3, 2), np.float32)
 TARGET = (0.30, 0.0, 0.49)
 SPHERES = [(0.16, 0.02, 0.55, 0.06), (0.21, -0.03, 0.52, 0.04)]
@@ -47,19 +44,15 @@ def clearance(way, spheres):
     bends = resampled(way.bends, 400).astype(np.float32)
     lines = center_line(np.asarray(states_of(bends)), LENGTHS, 15)
     table = np.reshape(spheres, (-1, 4))
-    return (
-        np.linalg.norm(lines[..., None, :] - table[:, :3], axis=-1) - table[:, 3]
-    ).min()
+    distances = np.linalg.norm(lines[..., None, :] - table[:, :3], axis=-1)
+    return (distances - table[:, 3]).min()
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("count", slow_after(1, [2, 1]))
 @pytest.mark.parametrize("turn_deg", slow_after(1, [160.0, 0.0]))
 def test_a_way_leads_the_whole_arm_past_spheres(roadmap, count, turn_deg):
-    turn = np.deg2rad(turn_deg)
-    around = np.array(
-        [[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1]]
-    )
+    around = Rotation.from_euler("z", turn_deg, degrees=True).as_matrix()
     spheres = [(*around @ sphere[:3], sphere[3]) for sphere in SPHERES[:count]]
     target = around @ TARGET
     way = roadmap.find(STRAIGHT, goal_with(*spheres, target=target), LEAST, MARGIN)
@@ -106,16 +99,10 @@ def test_a_guarded_tip_may_pass_where_the_arm_may_not(roadmap):
     assert clearance(tip_alone, [sphere]) < clearance(whole, [sphere])
 
 
-def drive(planner, goals, bends=STRAIGHT):
-    """Plans of an arm that follows them exactly, and their tips."""
-    configurations = np.tile(np.float32([0.0, 0.0, 1.0]), (3, 1))
-    plan = planner.start(Estimate.of(configurations))
-    shapes, outcomes = [], []
-    for goal in goals:
-        plan = planner.plan(plan, Estimate.of(np.asarray(plan.configurations)), goal)
-        shapes.append(np.asarray(bends_from_configurations(plan.configurations)))
-        outcomes.append(plan.outcome)
-    return np.array(shapes), outcomes
+def drive(planner, goals):
+    """Bends and outcomes of the plans of an arm that follows them exactly."""
+    plans, planned = driven(planner, goals)
+    return np.asarray(bends_of(planned))[1:], [plan.outcome for plan in plans]
 
 
 def test_plans_are_led_past_spheres_and_come_to_rest():

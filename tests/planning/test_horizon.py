@@ -5,8 +5,8 @@ from dataclasses import replace
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from driven import MODEL, STRAIGHT, TWIN, bends_of, driven
 
-from s2c2a.arm import load_arm
 from s2c2a.estimation import Estimate, ModalFactors
 from s2c2a.goals import PREVIEW, preview_stride, previewed
 from s2c2a.kinematics import bends_from_configurations, configurations_from_bends
@@ -20,11 +20,8 @@ from s2c2a_experiments.planners.one_step import LeastSquares
 
 from marks import slow_after
 
-TWIN = load_arm("twin_arm")
-MODEL = PCCForwardModel.of(TWIN)
 NOMINAL = ModalFactors.nominal()
 APPROACH = Approach.of(TWIN, NOMINAL)
-STRAIGHT = np.tile([0.0, 0.0, 1.0], (3, 1))
 
 
 @pytest.mark.slow
@@ -44,9 +41,7 @@ def test_the_minimum_is_that_of_the_whole_system(knots, size):
     # both knots before the first one do not move
     free = whole[2 * size :, 2 * size :]
     expected = -np.linalg.solve(free, gradients.reshape(-1))
-    found = minimum(
-        *(jnp.asarray(v, jnp.float32) for v in (blocks, gradients, coupling))
-    )
+    found = minimum(*map(jnp.float32, (blocks, gradients, coupling)))
     np.testing.assert_allclose(found.reshape(-1), expected, atol=1e-4)
 
 
@@ -159,15 +154,10 @@ def test_a_preview_tells_the_goals_at_the_moments_of_the_horizon(rate):
 
 
 def drive(arm, goals):
-    """Bends of all plans, for an arm that follows them exactly."""
-    planner = Planner(arm, PCCForwardModel.of(arm), BEST)
-    plan = planner.start(Estimate(STRAIGHT))
-    bends = []
-    for goal in goals:
-        plan = planner.plan(plan, Estimate(plan.configurations), goal)
-        bends.append(np.asarray(bends_from_configurations(plan.configurations)))
-    tip = plan.expectation.states[-1, :3]
-    return np.array(bends), np.asarray(tip)
+    """Bends of all plans, for an arm that follows them exactly, and the last tip."""
+    plans, planned = driven(Planner(arm, PCCForwardModel.of(arm), BEST), goals)
+    tip = plans[-1].expectation.states[-1, :3]
+    return np.asarray(bends_of(planned))[1:], np.asarray(tip)
 
 
 def test_a_plan_that_knows_of_a_step_moves_before_it():
@@ -214,15 +204,11 @@ def test_what_lags_behind_has_arrived_later_on_the_horizon(rate):
     """A plan that counts on the lag for good overshoots its target and returns."""
     limits = {"control_rate": rate, "step_limit_deg": 40.0 / rate}
     planner = Planner(TWIN.model_copy(update=limits), Lagging(), BEST)
-    plan = planner.start(Estimate(STRAIGHT))
     goal = Goal.of(3).with_position([0.1, 0.0, 0.58])
-    bends = []
     # after 2 s the tip is within 0.3 mm; the small steps of a goal that rests go to and
     # fro until a window of 2.4 s has shown that they do not help
-    for _ in range(round(5 * rate)):
-        plan = planner.plan(plan, Estimate(plan.configurations), goal)
-        bends.append(np.asarray(bends_from_configurations(plan.configurations)))
-    last = np.linalg.norm(np.diff(bends[-11:], axis=0), axis=-1)
+    _, planned = driven(planner, [goal] * round(5 * rate))
+    last = np.linalg.norm(np.diff(bends_of(planned[-11:]), axis=0), axis=-1)
     assert np.rad2deg(last.max()) < 0.05
 
 
@@ -251,10 +237,7 @@ def test_a_plan_shows_the_tip_of_the_next_moments_and_one_step_has_none():
     shown = []
     for solver in (Horizon(), LeastSquares()):
         planner = Planner(TWIN, MODEL, replace(BEST, solver=solver))
-        plan = planner.start(Estimate(STRAIGHT))
-        for _ in range(5):
-            plan = planner.plan(plan, Estimate(STRAIGHT), goal)
-        shown.append(plan.expectation)
+        shown.append(driven(planner, [goal] * 5)[0][-1].expectation)
     ahead, none = shown
     # the first moment is the plan itself
     np.testing.assert_allclose(ahead.horizon[0], ahead.states[-1, :3], atol=1e-6)

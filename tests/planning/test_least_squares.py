@@ -7,16 +7,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from jumping import jumping_goals
+from driven import STRAIGHT, TWIN, bends_of, driven, jumping_goals, states_of, tips_of
 
-from s2c2a.arm import load_arm
-from s2c2a.estimation import Estimate
 from s2c2a.goals import previewed
-from s2c2a.kinematics import (
-    bends_from_configurations,
-    configurations_from_bends,
-    states_from_configurations,
-)
+from s2c2a.kinematics import configurations_from_bends
 from s2c2a.models.forward_model import PCCForwardModel
 from s2c2a.planning import BEST, Goal, Planner
 from s2c2a.planning.solvers import solve_least_squares
@@ -25,24 +19,16 @@ from s2c2a_experiments.planners.one_step import LeastSquares
 
 from marks import slow_after
 
-TWIN = load_arm("twin_arm")
-LENGTHS = jnp.full(3, 0.2)
-STRAIGHT = np.tile([0.0, 0.0, 1.0], (3, 1))
-states_of = jax.jit(
-    lambda configurations: states_from_configurations(configurations, LENGTHS)
-)
-
 
 def identity(point):
     return point
 
 
 def solved(residuals, start, project=identity, iterations=20):
-    return np.asarray(
-        jax.jit(lambda s: solve_least_squares(residuals, s, project, iterations)[0])(
-            jnp.asarray(start)
-        )
-    )
+    def solve(point):
+        return solve_least_squares(residuals, point, project, iterations)[0]
+
+    return np.asarray(jax.jit(solve)(jnp.asarray(start)))
 
 
 def valley(point):
@@ -55,20 +41,14 @@ def test_a_linear_problem_is_solved_exactly():
     matrix = random.normal(size=(9, 4)).astype(np.float32)
     right = random.normal(size=9).astype(np.float32)
     expected = np.linalg.lstsq(matrix, right)[0]
-    np.testing.assert_allclose(
-        solved(lambda x: matrix @ x - right, np.zeros(4, np.float32)),
-        expected,
-        atol=1e-5,
-    )
+    found = solved(lambda x: matrix @ x - right, np.zeros(4, np.float32))
+    np.testing.assert_allclose(found, expected, atol=1e-5)
 
 
 @pytest.mark.parametrize("start", [[-1.2, 1.0], [0.0, 0.0], [2.0, -3.0]])
 def test_a_curved_valley_is_followed_to_its_end(start):
-    np.testing.assert_allclose(
-        solved(valley, np.array(start, np.float32), iterations=60),
-        [1.0, 1.0],
-        atol=1e-3,
-    )
+    end = solved(valley, np.array(start, np.float32), iterations=60)
+    np.testing.assert_allclose(end, [1.0, 1.0], atol=1e-3)
 
 
 @pytest.mark.parametrize("iterations", [1, 2, 5, 20])
@@ -80,12 +60,9 @@ def test_the_sum_never_ends_above_where_it_began(iterations):
 
     random = np.random.default_rng(iterations)
     starts = random.normal(0, 2, (50, 3)).astype(np.float32)
-    ends = jax.jit(
-        jax.vmap(lambda s: solve_least_squares(wild, s, identity, iterations)[0])
-    )(starts)
-    before, after = (
-        np.asarray(jax.vmap(wild)(points)) ** 2 for points in (starts, ends)
-    )
+    ends = jax.vmap(lambda s: solve_least_squares(wild, s, identity, iterations)[0])
+    before = np.asarray(jax.vmap(wild)(starts)) ** 2
+    after = np.asarray(jax.vmap(wild)(jax.jit(ends)(starts))) ** 2
     assert (after.sum(axis=1) <= before.sum(axis=1)).all()
     assert after.sum() < 0.9 * before.sum()
 
@@ -96,14 +73,11 @@ def test_the_projection_is_respected_from_the_start_on():
     def onto_disc(point):
         return point / jnp.maximum(1.0, jnp.linalg.norm(point))
 
-    end = solved(
-        lambda x: x - jnp.array([3.0, 1.0]),
-        np.array([-4.0, 0.5], np.float32),
-        onto_disc,
-        iterations=60,
-    )
+    target = np.array([3.0, 1.0], np.float32)
+    start = np.array([-4.0, 0.5], np.float32)
+    end = solved(lambda x: x - target, start, onto_disc, iterations=60)
     assert np.linalg.norm(end) <= 1.0 + 1e-6
-    np.testing.assert_allclose(end, np.array([3.0, 1.0]) / np.sqrt(10.0), atol=0.02)
+    np.testing.assert_allclose(end, target / np.sqrt(10.0), atol=0.02)
 
 
 def test_with_nan_residuals_the_start_is_returned():
@@ -123,14 +97,7 @@ def planner():
 
 def drive(planner, goals, start=STRAIGHT):
     """The start and all plans, for an arm that follows its plan exactly."""
-    plans = [planner.start(Estimate(start))]
-    for goal in goals:
-        plans.append(planner.plan(plans[-1], Estimate(plans[-1].configurations), goal))
-    return np.array([plan.configurations for plan in plans])
-
-
-def tips_of(planned):
-    return np.asarray(states_of(planned))[1:, -1, :3]
+    return driven(planner, goals, start)[1]
 
 
 def clearance(points, task) -> float:
@@ -141,26 +108,20 @@ def clearance(points, task) -> float:
 
 
 def bend_angles(planned):
-    return np.rad2deg(
-        np.linalg.norm(
-            np.asarray(bends_from_configurations(jnp.asarray(planned))), axis=-1
-        )
-    )
+    return np.rad2deg(np.linalg.norm(bends_of(planned), axis=-1))
 
 
 def changes_deg(planned):
-    bends = np.asarray(bends_from_configurations(jnp.asarray(planned)))
-    return np.rad2deg(np.linalg.norm(np.diff(bends, axis=0), axis=-1))
+    changes = np.diff(bends_of(planned), axis=0)
+    return np.rad2deg(np.linalg.norm(changes, axis=-1))
 
 
 def test_the_circle_is_followed_within_half_a_millimeter_and_its_corner_is_rounded(
     planner,
 ):
     task = load_task("circle", TWIN)
-    goals = previewed(task.goals, TWIN.control_period)
-    errors = np.linalg.norm(
-        tips_of(drive(planner, goals)) - task.desired_positions()[:, -1], axis=-1
-    )
+    tips = tips_of(drive(planner, previewed(task.goals, TWIN.control_period)))
+    errors = np.linalg.norm(tips - task.desired_positions()[:, -1], axis=-1)
     assert np.quantile(errors, 0.9) < 5e-4
     assert errors.max() < 2e-3
 
@@ -168,13 +129,10 @@ def test_the_circle_is_followed_within_half_a_millimeter_and_its_corner_is_round
 def test_a_tilted_circle_is_followed_in_place_and_axis(planner):
     task = load_task("tilt-50", TWIN)
     states = np.asarray(states_of(drive(planner, task.goals)))[1:, -1]
-    assert (
-        np.linalg.norm(states[:, :3] - task.desired_positions()[:, -1], axis=-1).max()
-        < 2e-3
-    )
-    assert np.linalg.norm(
-        states[:, 3:] - task.desired_axes()[:, -1], axis=-1
-    ).max() < np.deg2rad(1.0)
+    misses = np.linalg.norm(states[:, :3] - task.desired_positions()[:, -1], axis=-1)
+    assert misses.max() < 2e-3
+    turned = np.linalg.norm(states[:, 3:] - task.desired_axes()[:, -1], axis=-1)
+    assert turned.max() < np.deg2rad(1.0)
 
 
 def test_steps_and_bends_stay_within_their_limits(planner):
@@ -187,11 +145,8 @@ def test_steps_and_bends_stay_within_their_limits(planner):
 
 
 def test_an_arm_beyond_its_bend_limit_returns_step_by_step(planner):
-    start = np.asarray(
-        configurations_from_bends(
-            jnp.deg2rad(jnp.array([[60.0, 0.0], [0.0, 55.0], [10.0, 0.0]]))
-        )
-    )
+    bends = jnp.deg2rad(jnp.array([[60.0, 0.0], [0.0, 55.0], [10.0, 0.0]]))
+    start = np.asarray(configurations_from_bends(bends))
     planned = drive(planner, [Goal.of(3).with_position([0.2, 0.1, 0.5])] * 30, start)
     assert changes_deg(planned).max() <= 4.0 + 0.01
     assert bend_angles(planned)[-10:].max() <= 47.0 + 0.01
@@ -199,25 +154,23 @@ def test_an_arm_beyond_its_bend_limit_returns_step_by_step(planner):
 
 @pytest.mark.parametrize(
     "invalid",
-    [{"positions": np.full((3, 3), np.nan, np.float32)}, {"change_weight": np.nan}],
+    [
+        {"positions": np.full((3, 3), np.nan, np.float32)},
+        {"change_weight": np.float32(np.nan)},
+    ],
 )
 def test_a_goal_that_is_not_finite_leaves_the_plan_unchanged(planner, invalid):
     sound = Goal.of(3).with_position([0.2, 0.0, 0.5])
-    bad = sound._replace(
-        **{name: np.asarray(value, np.float32) for name, value in invalid.items()}
-    )
+    bad = sound._replace(**invalid)
     planned = drive(planner, [sound] * 3 + [bad] * 2 + [sound] * 3)
-    np.testing.assert_allclose(
-        planned[3:6], np.repeat(planned[3:4], 3, axis=0), atol=1e-6
-    )
+    np.testing.assert_allclose(planned[4:6], planned[[3, 3]], atol=1e-6)
     np.testing.assert_allclose(planned[5:], drive(planner, [sound] * 6)[3:], atol=1e-4)
 
 
 @pytest.mark.parametrize("weight", [0.0, 0.5])
 def test_without_a_target_nothing_moves(planner, weight):
-    start = np.asarray(
-        configurations_from_bends(jnp.array([[0.3, 0.1], [-0.2, 0.4], [0.0, 0.1]]))
-    )
+    bends = jnp.array([[0.3, 0.1], [-0.2, 0.4], [0.0, 0.1]])
+    start = np.asarray(configurations_from_bends(bends))
     planned = drive(planner, [Goal.of(3, change_weight=weight)] * 10, start)
     np.testing.assert_allclose(planned, np.tile(start, (11, 1, 1)), atol=1e-6)
 
@@ -236,10 +189,8 @@ def test_a_target_behind_obstacles_is_reached_and_the_tip_is_never_inside(
 ):
     task = load_task(name, TWIN)
     tips = tips_of(drive(planner, task.goals))
-    assert (
-        np.linalg.norm(tips[-10:] - task.desired_positions()[-1, -1], axis=-1).max()
-        < 0.03
-    )
+    misses = np.linalg.norm(tips[-10:] - task.desired_positions()[-1, -1], axis=-1)
+    assert misses.max() < 0.03
     assert clearance(tips[:, None], task) > 0.0
 
 
@@ -254,17 +205,15 @@ def test_if_every_path_is_too_long_the_tip_waits_outside(planner):
 def test_a_tip_inside_an_obstacle_moves_out_and_stops(planner):
     center = np.array([0.03, 0.02, 0.59])
     goal = Goal.of(3, change_weight=0.5).with_obstacles([center], [0.10])
-    distances = np.linalg.norm(tips_of(drive(planner, [goal] * 100)) - center, axis=-1)
+    tips = tips_of(drive(planner, [goal] * 100))
+    distances = np.linalg.norm(tips - center, axis=-1)
     assert distances[-10:].min() > 0.10
     assert np.ptp(distances[-10:]) < 1e-3
 
 
 def compilations(caplog):
-    return [
-        record.getMessage()
-        for record in caplog.records
-        if "Finished XLA compilation" in record.getMessage()
-    ]
+    messages = [record.getMessage() for record in caplog.records]
+    return [text for text in messages if "Finished XLA compilation" in text]
 
 
 def test_the_first_plan_compiles_and_the_next_ones_do_not(caplog, make_arm):
@@ -275,9 +224,6 @@ def test_the_first_plan_compiles_and_the_next_ones_do_not(caplog, make_arm):
         planner.set_real_time(True)
         caplog.clear()
         drive(planner, [Goal.of(1), *jumping_goals(5, 60, modules=1)], STRAIGHT[:1])
-        drive(
-            planner,
-            [Goal.of(1).with_obstacles(np.ones((8, 3)), np.ones(8), weight=3)],
-            STRAIGHT[:1],
-        )
+        many = Goal.of(1).with_obstacles(np.ones((8, 3)), np.ones(8), weight=3)
+        drive(planner, [many], STRAIGHT[:1])
         assert compilations(caplog) == []

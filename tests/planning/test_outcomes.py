@@ -3,18 +3,17 @@
 import jax
 import numpy as np
 import pytest
+from driven import MODEL, TWIN
 
-from s2c2a.arm import ArmGeometry, load_arm
+from s2c2a.arm import ArmGeometry
 from s2c2a.kinematics import configurations_from_bends
-from s2c2a.models.forward_model import PCCForwardModel
 from s2c2a.planning import BEST, PAPER, Goal, Outcome, plan_error
 from s2c2a.planning.outcomes import SIGNIFICANT, judge
 from s2c2a.planning.planner import Step
 
 from marks import slow_after
 
-TWIN = load_arm("twin_arm")
-STEP = Step.of(TWIN, PCCForwardModel.of(TWIN), BEST)
+STEP = Step.of(TWIN, MODEL, BEST)
 LENGTHS = ArmGeometry.of(TWIN).lengths
 LIMIT = np.deg2rad(47.0)
 STRAIGHT = np.zeros((3, 2), np.float32)
@@ -104,7 +103,7 @@ def test_the_error_of_a_plan_is_that_of_its_worst_module_end():
 
 @pytest.mark.parametrize("options", slow_after(1, [BEST, PAPER]))
 def test_planners_judge_every_plan_anew(options):
-    step = Step.of(TWIN, PCCForwardModel.of(TWIN), options)
+    step = Step.of(TWIN, MODEL, options)
     next_plan = jax.jit(step.next_plan)
     above = Goal.of(3).with_position([0.0, 0.0, 0.7])
     straight = configurations_from_bends(STRAIGHT)

@@ -17,8 +17,7 @@ STEPS_EACH = 15
 def finger(turn_deg):
     """The planar finger, its cables turned about its axis."""
     arm = load_arm("planar_finger")
-    module = arm.modules[0]
-    angles = tuple(angle + turn_deg for angle in module.cable_angles_deg)
+    angles = tuple(angle + turn_deg for angle in arm.modules[0].cable_angles_deg)
     modules = tuple(
         each.model_copy(update={"cable_angles_deg": angles}) for each in arm.modules
     )

@@ -5,8 +5,8 @@ from pathlib import Path
 import jax
 import numpy as np
 import pytest
+from driven import MODEL, TWIN
 
-from s2c2a.arm import load_arm
 from s2c2a.errors import TargetError
 from s2c2a.goals import Goal
 from s2c2a.kinematics import states_from_bends
@@ -15,7 +15,6 @@ from s2c2a.planning import SIGNIFICANT, reach, reach_gaps
 from s2c2a.spaces import AXIS, POSITION
 from s2c2a.strategies import load_networks
 
-TWIN = load_arm("twin_arm")
 POINTS = 24
 """Number of points in every call: another number would compile anew."""
 STRAIGHT_UP = [[0, 0, 0.60], [0, 0, 0.65], [0, 0, 0.70]]
@@ -38,30 +37,24 @@ def test_above_a_straight_arm_the_gap_is_what_its_length_lacks():
 
 def test_below_the_end_of_one_straight_module_the_gap_is_the_way_down(make_arm):
     """Its end cannot move down the axis: a bend moves it sideways faster than down."""
-    np.testing.assert_allclose(
-        gaps(make_arm(1), [[0, 0, 0.19], [0, 0, 0.15]]), [0.01, 0.05], atol=1e-5
-    )
+    found = gaps(make_arm(1), [[0, 0, 0.19], [0, 0, 0.15]])
+    np.testing.assert_allclose(found, [0.01, 0.05], atol=1e-5)
 
 
 def test_a_module_stops_at_its_bend_limit(make_arm):
     """At 90 deg the end is a radius L / (pi / 2) up and aside; 60 deg stops before."""
     point = 0.2 / (np.pi / 2) * np.array([[1.0, 0.0, 1.0]])
     stopped = 0.2 / (np.pi / 3) * np.array([[0.5, 0.0, 0.75**0.5]])
-    loose = make_arm(1, module={"bend_limit_deg": 90.0})
-    tight = make_arm(1, module={"bend_limit_deg": 60.0})
-    assert gaps(loose, point)[0] == pytest.approx(0, abs=1e-4)
-    assert gaps(tight, point)[0] == pytest.approx(
-        np.linalg.norm(point - stopped), abs=1e-4
-    )
+    for limit, gap in ((90.0, 0.0), (60.0, np.linalg.norm(point - stopped))):
+        arm = make_arm(1, module={"bend_limit_deg": limit})
+        assert gaps(arm, point)[0] == pytest.approx(gap, abs=1e-4)
 
 
 @pytest.mark.parametrize("height", [0.599, 0.565, 0.55])
 def test_a_point_on_the_axis_below_the_straight_tip_is_reached_by_an_s(column, height):
     """A straight start would stay straight, since no direction is better."""
-    assert (
-        gaps(column, [[0, 0, height], [1e-9, 0, height], [0, -1e-5, height]]).max()
-        < 1e-4
-    )
+    points = [[0, 0, height], [1e-9, 0, height], [0, -1e-5, height]]
+    assert gaps(column, points).max() < 1e-4
 
 
 @pytest.mark.parametrize("modules", [2, 3])
@@ -72,10 +65,9 @@ def test_reachable_points_have_no_gap(make_arm, modules):
     angles = random.uniform(-np.pi, np.pi, (POINTS, modules))
     sizes = np.deg2rad(50) * random.uniform(0, 1, (POINTS, modules))
     bends = sizes[..., None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    ends = states_from_bends(
-        bends.astype(np.float32), np.full(modules, 0.2, np.float32)
-    )[:, -1, :3]
-    assert gaps(arm, np.asarray(ends)).max() < 1e-3 * arm.length
+    lengths = np.full(modules, 0.2, np.float32)
+    ends = np.asarray(states_from_bends(bends.astype(np.float32), lengths))[:, -1, :3]
+    assert gaps(arm, ends).max() < 1e-3 * arm.length
 
 
 def test_modules_are_counted_from_the_base_or_back_from_the_tip(column):
@@ -87,9 +79,8 @@ def test_modules_are_counted_from_the_base_or_back_from_the_tip(column):
 
 @pytest.mark.parametrize("module", [3, -4, 10**30])
 def test_a_module_that_does_not_exist_is_rejected(module):
-    with pytest.raises(
-        TargetError, match=f"module {module} does not exist; 'twin_arm' has 3"
-    ):
+    told = f"module {module} does not exist; 'twin_arm' has 3"
+    with pytest.raises(TargetError, match=told):
         gaps(TWIN, STRAIGHT_UP, module)
 
 
@@ -100,7 +91,7 @@ EMPTY = Goal.of(3)
 @pytest.fixture(scope="module")
 def arcs():
     """The reach of arcs."""
-    return reach.Reachability(TWIN, PCCForwardModel.of(TWIN))
+    return reach.Reachability(TWIN, MODEL)
 
 
 def drawn_states(count):
@@ -122,7 +113,7 @@ def test_the_search_ends_as_near_as_one_from_many_starts(arcs, monkeypatch):
     nearest = reach._nearest
     # another function is another program
     monkeypatch.setattr(reach, "_nearest", lambda *parts: nearest(*parts))
-    long = reach.Reachability(TWIN, PCCForwardModel.of(TWIN)).nearest(goals)
+    long = reach.Reachability(TWIN, MODEL).nearest(goals)
     assert short.within(TWIN.length)[:10].all()
     np.testing.assert_array_equal(short.within(TWIN.length), long.within(TWIN.length))
     excess = short.position_errors - long.position_errors
@@ -158,11 +149,11 @@ def test_a_goal_without_a_target_is_refused(arcs):
 def test_a_payload_lowers_a_bent_arm():
     model = load_networks(WEIGHTS, TWIN).c2s
     bends = np.tile(np.array([0.5, 0.0], np.float32), (3, 1))
-    heights = [
-        jax.jit(reach.RestingArm.of(TWIN, model, payload).states)(bends)[-1, 2]
-        for payload in (0.0, 0.05)
-    ]
-    assert heights[0] - heights[1] > 0.01
+    free, loaded = (
+        reach.RestingArm.of(TWIN, model, payload) for payload in (0.0, 0.05)
+    )
+    sag = jax.jit(free.states)(bends) - jax.jit(loaded.states)(bends)
+    assert sag[-1, 2] > 0.01
 
 
 def test_arcs_have_no_lost_motion_that_encoders_would_miss(make_arm):

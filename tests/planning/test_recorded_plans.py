@@ -41,11 +41,8 @@ OUTPUTS = ("judged", "configurations", "states", "horizon")
 @cache
 def recorded(name: str) -> dict[str, np.ndarray]:
     with np.load(FILE) as file:
-        return {
-            key.removeprefix(f"{name}."): file[key]
-            for key in file.files
-            if key.startswith(f"{name}.")
-        }
+        keys = [key for key in file.files if key.startswith(f"{name}.")]
+        return {key.removeprefix(f"{name}."): file[key] for key in keys}
 
 
 def at(values: np.ndarray, step: int) -> np.ndarray:
@@ -54,11 +51,8 @@ def at(values: np.ndarray, step: int) -> np.ndarray:
 
 
 def goal_at(problem: dict[str, np.ndarray], step: int, modules: int) -> Goal:
-    known = {
-        key.removeprefix("goal_"): at(values, step)
-        for key, values in problem.items()
-        if key.startswith("goal_")
-    }
+    keys = [key for key in problem if key.startswith("goal_")]
+    known = {key.removeprefix("goal_"): at(problem[key], step) for key in keys}
     for name in ("obstacles", "thresholds", "cores"):
         rows = MAX_OBSTACLES - len(known[name])
         padding = ((0, rows), *((0, 0),) * (known[name].ndim - 1))

@@ -6,11 +6,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from driven import MODEL, TWIN
 
-from s2c2a.arm import ArmGeometry, load_arm
+from s2c2a.arm import ArmGeometry
 from s2c2a.goals import PREVIEW, Goal
 from s2c2a.kinematics import configurations_from_bends
-from s2c2a.models.forward_model import PCCForwardModel
 from s2c2a.models.session import DayChange, SessionC2S
 from s2c2a.planning import BEST, Outcome
 from s2c2a.planning.motion import GoalMotion
@@ -18,20 +18,19 @@ from s2c2a.planning.outcomes import STILL
 from s2c2a.planning.planner import Step
 from s2c2a.planning.rest import CALM, FALLEN, GROWTH, SHRINKING, Rest, gaps_of, rests
 
-ARM = load_arm("twin_arm")
-LIMIT = ArmGeometry.of(ARM).step_limit
+LIMIT = ArmGeometry.of(TWIN).step_limit
 SLOW = STILL * LIMIT
 WINDOW = 2 * PREVIEW
 NEAR = jnp.asarray(0.0)
 FAR = jnp.asarray(1.0)
-STEP = Step.of(ARM, PCCForwardModel.of(ARM), BEST)
+STEP = Step.of(TWIN, MODEL, BEST)
 BENT = jnp.full((3, 2), 0.1)
 STRAIGHT = jnp.tile(jnp.array([0.0, 0.0, 1.0]), (3, 1))
 
 
 def step(rest, gaps, ahead, share=1.0):
     """A step of which commands use a share."""
-    return rest.after(share * rest.step, ahead, gaps, BENT, ARM, 1)
+    return rest.after(share * rest.step, ahead, gaps, BENT, TWIN, 1)
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +52,7 @@ def over(after, rest, gaps, share=1.0):
 
 def test_an_arm_is_slow_once_its_plan_has_reached_a_goal_that_rests(after):
     [gap] = tip_gaps([0.1])
-    rest = Rest.none(ARM)
+    rest = Rest.none(TWIN)
     assert float(after(rest, gap, FAR).step) == pytest.approx(LIMIT)
     slow = after(rest, gap, NEAR)
     assert float(slow.step) == pytest.approx(SLOW)
@@ -75,7 +74,7 @@ def test_an_arm_follows_a_new_goal_from_the_first_step(distance):
 
 
 def test_steps_that_help_grow_and_others_shrink_to_a_least_one(after):
-    rest = over(after, Rest.none(ARM), tip_gaps([0.1] * WINDOW))
+    rest = over(after, Rest.none(TWIN), tip_gaps([0.1] * WINDOW))
     first = float(rest.step)
     rest = over(after, rest, tip_gaps([0.05] * WINDOW))
     assert float(rest.step) == pytest.approx(GROWTH * first)
@@ -86,8 +85,8 @@ def test_steps_that_help_grow_and_others_shrink_to_a_least_one(after):
 
 
 def test_a_step_with_which_the_arm_swayed_is_not_taken_again(after):
-    sway = 2.0 * CALM * ARM.length
-    rest = over(after, Rest.none(ARM), tip_gaps([0.01] * WINDOW))
+    sway = 2.0 * CALM * TWIN.length
+    rest = over(after, Rest.none(TWIN), tip_gaps([0.01] * WINDOW))
     swayed = over(after, rest, tip_gaps([sway, -sway] * (WINDOW // 2)))
     assert float(swayed.limit) == pytest.approx(SHRINKING * float(rest.step))
     helped = over(after, swayed, tip_gaps([0.001] * WINDOW))
@@ -95,7 +94,7 @@ def test_a_step_with_which_the_arm_swayed_is_not_taken_again(after):
 
 
 def test_steps_that_were_not_used_stay(after):
-    rest = over(after, Rest.none(ARM), tip_gaps([0.01] * WINDOW), share=0.1)
+    rest = over(after, Rest.none(TWIN), tip_gaps([0.01] * WINDOW), share=0.1)
     # something else moves the arm
     moved = over(after, rest, tip_gaps([0.01, 0.2] * (WINDOW // 2)), share=0.1)
     assert float(moved.step) == float(rest.step)
@@ -103,7 +102,7 @@ def test_steps_that_were_not_used_stay(after):
 
 
 def test_an_arm_that_sees_nothing_becomes_slower(after):
-    rest = over(after, Rest.none(ARM), tip_gaps([0.1] * WINDOW))
+    rest = over(after, Rest.none(TWIN), tip_gaps([0.1] * WINDOW))
     nothing = jnp.full((2, 3, 3), jnp.nan)
     blind = over(after, rest, [nothing] * WINDOW)
     assert float(blind.step) == pytest.approx(SHRINKING * float(rest.step))
@@ -111,19 +110,19 @@ def test_an_arm_that_sees_nothing_becomes_slower(after):
 
 
 def test_a_plan_that_finds_no_rest_is_slow_after_two_horizons(after):
-    rest = Rest.none(ARM)
+    rest = Rest.none(TWIN)
     for gap in tip_gaps([0.1, 0.2] * (WINDOW // 2)):
         rest = after(rest, gap, FAR)
         assert float(rest.step) == pytest.approx(LIMIT)
     assert float(after(rest, *tip_gaps([0.1]), FAR).step) < 2.0 * SLOW
 
 
-FAR_AWAY = 1.1 * FALLEN * ARM.length
+FAR_AWAY = 1.1 * FALLEN * TWIN.length
 
 
 def test_an_arm_that_lies_far_from_its_goal_for_two_windows_is_overloaded(after):
     lying = tip_gaps([FAR_AWAY] * WINDOW, from_arcs=FAR_AWAY)
-    rest = over(after, Rest.none(ARM), lying)
+    rest = over(after, Rest.none(TWIN), lying)
     assert not rest.is_overloaded
     rest = over(after, rest, lying)
     assert rest.is_overloaded
@@ -145,14 +144,11 @@ def test_an_arm_that_lies_far_from_its_goal_for_two_windows_is_overloaded(after)
     ],
 )
 def test_others_are_not(after, gaps):
-    rest = Rest.none(ARM)
-    for begin in range(0, len(gaps), WINDOW):
-        rest = over(after, rest, gaps[begin : begin + WINDOW])
-    assert not rest.is_overloaded
+    assert not over(after, Rest.none(TWIN), gaps).is_overloaded
 
 
 def test_an_overloaded_arm_stops_where_it_is_calm_on_its_way_to_rest(after):
-    rest = over(after, Rest.none(ARM), tip_gaps([0.01] * WINDOW))
+    rest = over(after, Rest.none(TWIN), tip_gaps([0.01] * WINDOW))
     lying = tip_gaps([FAR_AWAY] * WINDOW, from_arcs=FAR_AWAY)
     rest = over(after, over(after, rest, lying), lying)
     np.testing.assert_array_equal(rest.calm, 0.0)
@@ -168,13 +164,9 @@ def test_an_overloaded_arm_goes_slowly_to_where_it_is_calm_until_its_goal_change
     next_plan = jax.jit(STEP.next_plan)
     goal = Goal.of(3).with_position([0.2, 0.0, 0.5])
     plan = next_plan(STEP.started(STRAIGHT), STRAIGHT, goal)
-    rest = plan.rest._replace(
-        fallen=jnp.asarray(2),
-        calm=BENT,
-        step=jnp.asarray(SLOW),
-        is_slow=jnp.asarray(True),
-    )
-    plan = plan._replace(rest=rest)
+    fallen, is_slow = jnp.asarray(2), jnp.asarray(True)
+    rest = plan.rest._replace(fallen=fallen, is_slow=is_slow, step=jnp.asarray(SLOW))
+    plan = plan._replace(rest=rest._replace(calm=BENT))
     for _ in range(60):
         last, plan = plan, next_plan(plan, STRAIGHT, goal)
         assert plan.outcome is Outcome.OVERLOADED
@@ -203,9 +195,9 @@ def test_arcs_are_compared_in_the_frame_of_the_base():
     """On another day, the tracking has another frame."""
     turn = jnp.array([0.0, 0.0, np.pi / 2])
     change = replace(DayChange.none(3), rotation=turn, translation=jnp.full(3, 0.25))
-    model = SessionC2S.of(PCCForwardModel.of(ARM), change)
+    model = SessionC2S.of(MODEL, change)
     states = model.predict(configurations_from_bends(BENT), ())
-    arcs = PCCForwardModel.of(ARM).predict(configurations_from_bends(BENT), ())
+    arcs = MODEL.predict(configurations_from_bends(BENT), ())
     goal = Goal.of(3).with_position([0.1, 0.0, 0.5])
     gaps = gaps_of(model, states[:, :3], None, goal, arcs[:, :3])
     np.testing.assert_allclose(gaps[1], 0.0, atol=1e-6)

@@ -16,7 +16,6 @@ from s2c2a.plugins.components import (
     Ranges,
     Registry,
 )
-from s2c2a.plugins.discovery import trust_of_one_command
 
 
 @dataclass(frozen=True)
@@ -33,12 +32,6 @@ class Sizes(Options):
 
 
 SPRINGS = Registry("term", Spring, {"Spring": Spring})
-
-
-@pytest.fixture(autouse=True)
-def trust():
-    with trust_of_one_command():
-        yield
 
 
 @pytest.mark.parametrize(

@@ -14,22 +14,17 @@ from marks import slow_after
 
 TWIN = load_arm("twin_arm")
 LIMIT_DEG = 50.0
-ARM = TWIN.model_copy(
-    update={
-        "modules": tuple(
-            module.model_copy(update={"bend_limit_deg": LIMIT_DEG})
-            for module in TWIN.modules
-        )
-    }
-)
+
+
+def with_modules(**changes):
+    """The twin with other modules."""
+    modules = [module.model_copy(update=changes) for module in TWIN.modules]
+    return TWIN.model_copy(update={"modules": tuple(modules)})
+
+
+ARM = with_modules(bend_limit_deg=LIMIT_DEG)
 """Three modules of 0.2 m that bend by at most 50 deg."""
-DOUBLE = TWIN.model_copy(
-    update={
-        "modules": tuple(
-            module.model_copy(update={"length": 0.4}) for module in TWIN.modules
-        )
-    }
-)
+DOUBLE = with_modules(length=0.4)
 FAST = TWIN.model_copy(update={"control_rate": 20.0})
 PAPER = [
     "circle",
@@ -85,9 +80,8 @@ def test_a_task_has_its_name_and_scores_that_exist(name):
     assert task.name == name
     assert name in OURS or len(task.goals) == STEPS[name.split("-")[0]]
     assert {score.metric for score in task.scores} <= set(METRICS)
-    assert {len(score.steps) for score in task.scores if score.steps is not None} <= {
-        len(task.goals)
-    }
+    lengths = {len(score.steps) for score in task.scores if score.steps is not None}
+    assert lengths <= {len(task.goals)}
 
 
 @pytest.mark.parametrize("name", PAPER)
@@ -104,10 +98,9 @@ def test_weights_and_scores_are_those_of_the_protocol(name):
     np.testing.assert_array_equal(asked, np.array(positions) > 0)
     asked = np.isfinite(task.desired_axes()).all(axis=(0, 2))
     np.testing.assert_array_equal(asked, np.array(axes) > 0)
-    found = [
-        f"{score.metric} {score.module}" if score.module >= 0 else score.metric
-        for score in task.scores
-    ]
+    ends = {-1: "", 0: " 0", 1: " 1", 2: " 2"}
+    found = [score.metric + ends[score.module] for score in task.scores]
+    assert (task.obstacles().shape[1] > 0) == ("clearance" in found)
     assert found == scores + ["azimuth"] * (name in ("tilt-50-a20", "tilt-50-c20"))
 
 
@@ -119,7 +112,7 @@ def test_lengths_and_thresholds_scale_with_the_arm_and_angles_do_not(name):
     np.testing.assert_allclose(twice.desired_axes(), once.desired_axes(), atol=1e-6)
 
 
-@pytest.mark.parametrize("name", [*MORE_THAN_A_POSITION, "circle", "flee"])
+@pytest.mark.parametrize("name", [*MORE_THAN_A_POSITION, "circle", "flee", "reach-0"])
 def test_a_faster_control_keeps_the_times(name):
     fast, task = load_task(name, FAST), load_task(name, TWIN)
     for part in (Task.desired_positions, Task.desired_axes, Task.obstacles):
@@ -133,9 +126,8 @@ def test_no_desired_position_jumps(name):
     desired = load_task(name, TWIN).desired_positions()
     asked = np.isfinite(desired[0, :, 0])
     rest = np.array([[0, 0, 0.2], [0, 0, 0.4], [0, 0, 0.6]])
-    moves = np.linalg.norm(
-        np.diff(np.concatenate([rest[None], desired]), axis=0), axis=-1
-    )
+    steps = np.diff(np.concatenate([rest[None], desired]), axis=0)
+    moves = np.linalg.norm(steps, axis=-1)
     assert moves[:, asked].max() < 0.01
 
 
@@ -155,9 +147,8 @@ def states(bends, lengths):
     for (x, y), length in zip(bends, lengths, strict=True):
         angle = max(np.hypot(x, y), 1e-9)
         aside = (1 - np.cos(angle)) / angle**2
-        position = position + length * frame.apply(
-            [aside * x, aside * y, np.sin(angle) / angle]
-        )
+        way = [aside * x, aside * y, np.sin(angle) / angle]
+        position = position + length * frame.apply(way)
         frame = frame * Rotation.from_rotvec([-y, x, 0.0])
         found.append([*position, *frame.apply([0.0, 0.0, 1.0])])
     return np.array(found)
@@ -165,11 +156,8 @@ def states(bends, lengths):
 
 def limited(values):
     """Bends below the limit, whatever the values, smoothly."""
-    return (
-        np.deg2rad(LIMIT_DEG)
-        * values
-        / np.sqrt(1 + np.sum(values**2, axis=-1, keepdims=True))
-    )
+    lengths = np.sqrt(1 + np.sum(values**2, axis=-1, keepdims=True))
+    return np.deg2rad(LIMIT_DEG) * values / lengths
 
 
 def misses(task, step, lengths):
@@ -187,15 +175,10 @@ def misses(task, step, lengths):
 
     random = np.random.default_rng(step)
     starts = random.uniform(-1, 1, (4, 2 * len(lengths)))
-    apart, turned = gaps(
-        min(
-            (least_squares(residuals, start) for start in starts),
-            key=lambda found: found.cost,
-        ).x
-    )
-    return np.linalg.norm(apart, axis=-1).max(), np.rad2deg(
-        np.linalg.norm(turned, axis=-1).max(initial=0.0)
-    )
+    found = [least_squares(residuals, start) for start in starts]
+    apart, turned = gaps(min(found, key=lambda one: one.cost).x)
+    angles = np.rad2deg(np.linalg.norm(turned, axis=-1))
+    return np.linalg.norm(apart, axis=-1).max(), angles.max(initial=0.0)
 
 
 @pytest.mark.slow

@@ -6,6 +6,7 @@ import pytest
 from s2c2a.arm import load_arm
 from s2c2a.errors import TargetError
 from s2c2a.tasks import load_task
+from tilted import axis
 
 TWIN = load_arm("twin_arm")
 TURNING = [("hold-middle", 1, 0.4, 0.396, 20), ("hold-end", 2, 0.6, 0.565, 40)]
@@ -27,14 +28,10 @@ def test_the_base_module_stays_where_it_is_at_rest():
     assert np.isnan(axes).all()
 
 
-@pytest.mark.parametrize(
-    ("step", "point"),
-    [(40, [0.15, 0]), (80, [0, 0.15]), (120, [-0.15, 0]), (200, [0.15, 0])],
-)
-def test_over_a_held_base_the_tip_goes_once_around_counterclockwise(step, point):
-    np.testing.assert_allclose(
-        desired("hold-base", -1)[0][step - 1], [*point, 0.56], atol=1e-6
-    )
+def test_over_a_held_base_the_tip_goes_once_around_counterclockwise():
+    positions, _ = desired("hold-base", -1)
+    points = [[0.15, 0, 0.56], [0, 0.15, 0.56], [-0.15, 0, 0.56], [0.15, 0, 0.56]]
+    np.testing.assert_allclose(positions[[39, 79, 119, 199]], points, atol=1e-6)
 
 
 @pytest.mark.parametrize(("name", "module", "rest", "height", "tilt"), TURNING)
@@ -44,33 +41,20 @@ def test_a_held_end_sinks_along_the_axis_over_forty_steps_and_stays(
     positions, _ = desired(name, module)
     shares = np.append(np.arange(1, 41) / 40, np.ones(160))
     np.testing.assert_array_equal(positions[:, :2], 0)
-    np.testing.assert_allclose(
-        positions[:, 2], rest + (height - rest) * shares, atol=1e-6
-    )
+    heights = rest + (height - rest) * shares
+    np.testing.assert_allclose(positions[:, 2], heights, atol=1e-6)
 
 
 @pytest.mark.parametrize(("name", "module", "rest", "height", "tilt"), TURNING)
 @pytest.mark.parametrize(
     ("step", "share", "azimuth"),
-    [
-        (1, 1 / 40, 0),
-        (20, 0.5, 0),
-        (40, 1, 0),
-        (80, 1, 90),
-        (160, 1, 270),
-        (200, 1, 360),
-    ],
+    [(1, 1 / 40, 0), (20, 0.5, 0), (40, 1, 0), (80, 1, 90), (160, 1, 270), (200, 1, 0)],
 )
 def test_the_axis_of_a_held_end_tilts_and_then_goes_once_round(
     name, module, rest, height, tilt, step, share, azimuth
 ):
-    angle, turned = np.deg2rad([tilt * share, azimuth])
-    expected = [
-        np.sin(angle) * np.cos(turned),
-        np.sin(angle) * np.sin(turned),
-        np.cos(angle),
-    ]
-    np.testing.assert_allclose(desired(name, module)[1][step - 1], expected, atol=1e-6)
+    _, axes = desired(name, module)
+    np.testing.assert_allclose(axes[step - 1], axis(tilt * share, azimuth), atol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -78,10 +62,8 @@ def test_the_axis_of_a_held_end_tilts_and_then_goes_once_round(
     [("hold-base", 1), ("hold-middle", 1), ("hold-middle", 2), ("hold-end", 1)],
 )
 def test_an_arm_with_too_few_modules_is_rejected(name, modules):
-    with pytest.raises(
-        TargetError,
-        match=rf"'{name}' needs .* at least \d modules, 'twin_arm' has {modules}",
-    ):
+    told = rf"'{name}' needs .* at least \d modules, 'twin_arm' has {modules}"
+    with pytest.raises(TargetError, match=told):
         load_task(name, arm_of(modules))
 
 
@@ -95,14 +77,9 @@ def test_the_middle_module_is_the_lower_one_of_two_where_the_number_is_even(
 
 
 def test_a_module_of_another_length_is_held_where_it_ends():
-    modules = [
-        TWIN.modules[0].model_copy(update={"length": length})
-        for length in (0.1, 0.2, 0.3)
-    ]
+    module = TWIN.modules[0]
+    modules = [module.model_copy(update={"length": 0.1 * each}) for each in (1, 2, 3)]
     arm = TWIN.model_copy(update={"modules": tuple(modules)})
-    np.testing.assert_allclose(
-        desired("hold-base", 0, arm)[0][-1], [0, 0, 0.1], atol=1e-7
-    )
-    np.testing.assert_allclose(
-        desired("hold-middle", 1, arm)[0][-1], [0, 0, 0.3 * 0.99], atol=1e-7
-    )
+    for name, place, height in (("base", 0, 0.1), ("middle", 1, 0.3 * 0.99)):
+        positions, _ = desired(f"hold-{name}", place, arm)
+        np.testing.assert_allclose(positions[-1], [0, 0, height], atol=1e-7)

@@ -16,7 +16,6 @@ OBSTACLES = {
     "risk-b": [[0.16, -0.07, 0.56, 0.11], [0.16, 0.07, 0.56, 0.11]],
     "risk-c": [[0.16, -0.07, 0.56, 0.03], [0.16, 0.07, 0.56, 0.11]],
 }
-FAST = TWIN.model_copy(update={"control_rate": 20.0})
 
 
 def tips(task):
@@ -26,61 +25,30 @@ def tips(task):
 def test_the_reference_runs_straight_from_rest_at_five_centimeters_a_second():
     """0.3195 m are 64 steps of 5 mm, nearly."""
     path = np.concatenate([[[0, 0, 0.6]], tips(load_task("reach-0", TWIN))])
-    moves = np.diff(path, axis=0)
-    np.testing.assert_allclose(
-        moves[:64], np.tile(np.array([0.30, 0, -0.11]) / 64, (64, 1)), atol=1e-6
-    )
-    np.testing.assert_allclose(np.linalg.norm(moves[:64], axis=-1), 0.005, rtol=0.01)
-
-
-@pytest.mark.parametrize("name", OBSTACLES)
-def test_the_reference_is_the_same_with_any_obstacles(name):
-    np.testing.assert_array_equal(
-        tips(load_task(name, TWIN)), tips(load_task("reach-0", TWIN))
-    )
+    moves = np.diff(path, axis=0)[:64]
+    expected = np.tile(np.array([0.30, 0, -0.11]) / 64, (64, 1))
+    np.testing.assert_allclose(moves, expected, atol=1e-6)
+    np.testing.assert_allclose(np.linalg.norm(moves, axis=-1), 0.005, rtol=0.01)
 
 
 @pytest.mark.parametrize(("name", "obstacles"), OBSTACLES.items())
-def test_obstacles_stand_still_where_the_protocol_puts_them(name, obstacles):
+def test_obstacles_stand_still_beside_the_same_reference(name, obstacles):
+    task = load_task(name, TWIN)
+    np.testing.assert_array_equal(tips(task), tips(load_task("reach-0", TWIN)))
     expected = np.tile(np.reshape(obstacles, (-1, 4)), (240, 1, 1))
-    np.testing.assert_allclose(
-        load_task(name, TWIN).obstacles()[..., :4], expected, atol=1e-7
-    )
+    np.testing.assert_allclose(task.obstacles()[..., :4], expected, atol=1e-7)
 
 
-def test_a_faster_control_keeps_the_speed_and_the_time():
-    fast = tips(load_task("reach-0", FAST))
-    assert len(fast) == 480
-    np.testing.assert_allclose(
-        fast[1:128:2], tips(load_task("reach-0", TWIN))[:64], atol=1e-6
-    )
-
-
-@pytest.mark.parametrize(
-    ("step", "x"),
-    [
-        (1, 0.25),
-        (10, 0.25),
-        (11, 0.245),
-        (27, 0.165),
-        (44, 0.08),
-        (64, 0.08),
-        (65, 0.075),
-        (94, -0.07),
-        (114, -0.07),
-    ],
-)
-def test_the_obstacle_waits_approaches_waits_and_passes(step, x):
-    np.testing.assert_allclose(
-        load_task("flee", TWIN).obstacles()[..., :4][step - 1],
-        [[x, 0.02, 0.58, 0.10]],
-        atol=1e-6,
-    )
+def test_the_obstacle_waits_approaches_waits_and_passes():
+    steps = np.array([1, 10, 11, 27, 44, 64, 65, 94, 114])
+    x = [0.25, 0.25, 0.245, 0.165, 0.08, 0.08, 0.075, -0.07, -0.07]
+    (found,) = load_task("flee", TWIN).obstacles()[steps - 1, :, :4].swapaxes(0, 1)
+    np.testing.assert_allclose(found[:, 0], x, atol=1e-6)
+    np.testing.assert_allclose(found[:, 1:], [[0.02, 0.58, 0.10]] * 9, atol=1e-6)
 
 
 def test_an_obstacle_that_comes_later_is_listed_with_no_threshold_until_it_is_there():
     rest = Goal.of(3)
     task = Task("later", (rest, rest.with_obstacles([[0.1, 0.2, 0.3]], [0.05])))
-    np.testing.assert_allclose(
-        task.obstacles()[..., :4], [[[0, 0, 0, 0]], [[0.1, 0.2, 0.3, 0.05]]], atol=1e-7
-    )
+    expected = [[[0, 0, 0, 0]], [[0.1, 0.2, 0.3, 0.05]]]
+    np.testing.assert_allclose(task.obstacles()[..., :4], expected, atol=1e-7)

@@ -14,37 +14,25 @@ def tips(name, arm=TWIN):
     return load_task(name, arm).desired_positions()[:, -1]
 
 
+SQUARE = [[0.12, 0.12], [-0.12, 0.12], [-0.12, -0.12], [0.12, -0.12]]
+EIGHT = [[0.18, 0.0], [0.0, 0.0], [-0.18, 0.0], [0.0, 0.0]]
+HELIX = [[0.15, 0.0], [-0.15, 0.0], [0.15, 0.0], [-0.15, 0.0]]
+
+
 @pytest.mark.parametrize(
-    ("name", "corners"),
+    ("name", "corners", "heights"),
     [
-        (
-            "square",
-            [
-                [0.12, 0.12, 0.54],
-                [-0.12, 0.12, 0.54],
-                [-0.12, -0.12, 0.54],
-                [0.12, -0.12, 0.54],
-            ],
-        ),
-        (
-            "eight",
-            [[0.18, 0.0, 0.55], [0.0, 0.0, 0.55], [-0.18, 0.0, 0.55], [0.0, 0.0, 0.55]],
-        ),
-        (
-            "helix",
-            [
-                [0.15, 0.0, 0.57],
-                [-0.15, 0.0, 0.5625],
-                [0.15, 0.0, 0.555],
-                [-0.15, 0.0, 0.5475],
-            ],
-        ),
+        ("square", SQUARE, 0.54),
+        ("eight", EIGHT, 0.55),
+        ("helix", HELIX, [0.57, 0.5625, 0.555, 0.5475]),
     ],
 )
-def test_quarters_of_a_path_are_where_they_are_said_to_be(name, corners):
+def test_quarters_of_a_path_are_where_they_are_said_to_be(name, corners, heights):
     path = tips(name)
     quarter = (len(path) - APPROACH) // 4
-    np.testing.assert_allclose(path[APPROACH - 1 :: quarter][:4], corners, atol=1e-6)
+    found = path[APPROACH - 1 :: quarter][:4]
+    np.testing.assert_allclose(found[:, :2], corners, atol=1e-6)
+    np.testing.assert_allclose(found[:, 2], heights, atol=1e-6)
 
 
 def test_a_star_has_five_points_and_every_line_skips_one():

@@ -33,15 +33,11 @@ def seen_episode(arm, task, error, every=2, lost=()):
     targets = np.full((rows, 3, 3), np.nan)
     targets[:STEPS] = task.desired_positions()
     true_times = PERIOD * np.arange(1, rows)
-    tip = np.stack(
-        [np.interp(times - AGE, true_times, targets[:STEPS, -1, k]) for k in range(3)],
-        axis=-1,
-    )
+    seen = [row for row in range(0, rows, every) if row not in lost]
     ends = np.full((rows, 3, 3), np.nan)
-    ends[:, -1] = tip - error
-    for row in range(rows):
-        if row % every or row in lost:
-            ends[row] = np.nan
+    for k in range(3):
+        tip = np.interp(times - AGE, true_times, targets[:STEPS, -1, k])
+        ends[seen, -1, k] = tip[seen] - error[k]
     columns = {
         "time": times,
         "actions": np.zeros((rows, 3, arm.cable_count)),
@@ -58,9 +54,8 @@ def test_offsets_are_the_measured_errors_times_the_gain(twin):
     error = np.array([0.01, -0.02, 0.005])
     episode = seen_episode(twin, task, error, lost=range(40, 60))
     offsets = learned_offsets(episode, np.zeros((STEPS, 3, 3)), "camera_positions")
-    np.testing.assert_allclose(
-        offsets[:, -1], np.tile(LEARNING_GAIN * error, (STEPS, 1)), atol=1e-6
-    )
+    expected = np.tile(LEARNING_GAIN * error, (STEPS, 1))
+    np.testing.assert_allclose(offsets[:, -1], expected, atol=1e-6)
     np.testing.assert_array_equal(offsets[:, :2], 0.0)
 
 
@@ -84,13 +79,10 @@ def test_an_episode_shows_the_targets_of_the_task(twin):
     task = load_task("circle", twin)
     offsets = np.full((STEPS, 3, 3), 0.02)
     moved = moved_task(task, offsets)
-    np.testing.assert_allclose(
-        moved.desired_positions(), task.desired_positions() + 0.02, atol=1e-6
-    )
+    true = task.desired_positions()
+    np.testing.assert_allclose(moved.desired_positions(), true + 0.02, atol=1e-6)
     episode = with_true_targets(seen_episode(twin, moved, np.zeros(3)), task, offsets)
-    np.testing.assert_allclose(
-        episode.ran("desired_positions"), task.desired_positions()
-    )
+    np.testing.assert_allclose(episode.ran("desired_positions"), true)
     np.testing.assert_allclose(episode.ran("target_offsets"), offsets)
 
 
@@ -99,12 +91,19 @@ def test_an_arm_without_a_view_of_its_tip_cannot_learn(twin):
         end_sensor(SimulatedRobot(twin))
 
 
-@pytest.mark.slow
-def test_repetitions_lower_the_error_of_any_strategy(twin):
+@pytest.fixture
+def watched(twin):
+    """An arm that a camera sees, and a strategy for it."""
     arm = twin.model_copy(update={"sensors": Sensors(camera=Camera())})
+    recipe = recipe_named("best")
+    strategy = STRATEGIES.named("pcc")().build(arm, recipe, None, RunOptions())
+    return arm, strategy
+
+
+@pytest.mark.slow
+def test_repetitions_lower_the_error_of_any_strategy(watched):
+    arm, strategy = watched
     task = load_task("circle", arm)
-    options = STRATEGIES.named("pcc")()
-    strategy = options.build(arm, recipe_named("best"), None, RunOptions())
     episodes = repeated_rollout(SimulatedRobot(arm), strategy, task, 3)
     errors = [
         position_errors(episode.after("states"), task.desired_positions()).mean()
@@ -116,13 +115,10 @@ def test_repetitions_lower_the_error_of_any_strategy(twin):
     assert all(episode["time"][0] == 0.0 for episode in episodes)
 
 
-def test_an_interrupted_repetition_hands_over_those_before_it(twin):
-    arm = twin.model_copy(update={"sensors": Sensors(camera=Camera())})
+def test_an_interrupted_repetition_hands_over_those_before_it(watched):
+    arm, strategy = watched
     task = load_task("circle", arm)
     task = replace(task, goals=task.goals[:6], scores=())
-    strategy = STRATEGIES.named("pcc")().build(
-        arm, recipe_named("best"), None, RunOptions()
-    )
     kept = []
 
     def fail(done, total):

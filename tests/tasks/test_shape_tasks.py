@@ -22,9 +22,9 @@ def test_ends_lie_on_an_arc_with_its_tangents():
     goal = shape_task("arc", arc(90), TWIN).goals[-1]
     angles = np.deg2rad([30, 60, 90])
     radius = 0.6 / angles[-1]
-    aside = np.zeros(3)
-    ends = radius * np.stack([1 - np.cos(angles), aside, np.sin(angles)], axis=-1)
-    tangents = np.stack([np.sin(angles), aside, np.cos(angles)], axis=-1)
+    sines, cosines, none = np.sin(angles), np.cos(angles), np.zeros(3)
+    ends = radius * np.array([1 - cosines, none, sines]).T
+    tangents = np.array([sines, none, cosines]).T
     np.testing.assert_allclose(goal.desired_positions(), ends, atol=1e-4)
     turned = np.arccos(np.vecdot(goal.desired_axes(), tangents).clip(-1, 1))
     assert np.rad2deg(turned).max() < 2.0  # a chord of 2 cm at the tip
@@ -49,18 +49,19 @@ def test_a_table_without_times_is_a_curve(tmp_path):
 
 
 def test_a_longer_curve_is_followed_as_far_as_the_arm_goes():
-    long = shape_task("long", np.concatenate([arc(90), [[2.0, 0.0, 0.38]]]), TWIN)
-    np.testing.assert_allclose(
-        long.desired_positions()[0],
-        shape_task("arc", arc(90), TWIN).desired_positions()[0],
-        atol=1e-5,
-    )
+    curve = np.concatenate([arc(90), [[2.0, 0.0, 0.38]]])
+    long = shape_task("long", curve, TWIN).desired_positions()[0]
+    plain = shape_task("arc", arc(90), TWIN).desired_positions()[0]
+    np.testing.assert_allclose(long, plain, atol=1e-5)
 
 
 def test_a_curve_that_is_a_little_short_is_followed_in_proportion():
     short = shape_task("short", arc(90, length=0.58), TWIN)
     tip = short.desired_positions()[0, -1]
     np.testing.assert_allclose(tip, arc(90, length=0.58)[-1], atol=1e-6)
+
+
+EDGE = np.array([[0, 0, 0], [0, 0, 0.3], [0.4, 0, 0.3]])
 
 
 @pytest.mark.parametrize(
@@ -72,10 +73,7 @@ def test_a_curve_that_is_a_little_short_is_followed_in_proportion():
         (arc(90)[60:], "cm from the base; begin it at the base"),
         (arc(90)[::-1], "list its points from base to tip"),
         (arc(90, length=0.5), "is 0.5 m long, and 'twin_arm' 0.6 m"),
-        (
-            np.array([[0, 0, 0], [0, 0, 0.3], [0.4, 0, 0.3]]),
-            "turns by 90 deg at 0,0,0.3",
-        ),
+        (EDGE, "turns by 90 deg at 0,0,0.3"),
         (arc(90)[:, [2, 1, 0]], "turns by 8. deg at 0,0,0, .* begin along z"),
     ],
 )

@@ -15,9 +15,8 @@ def test_a_pace_in_the_name_of_a_task_slows_it():
     slow = load_task("square@0.5", TWIN)
     assert slow.name == "square@0.5"
     assert len(slow.goals) == pytest.approx(2 * len(fast.goals), abs=2)
-    np.testing.assert_allclose(
-        slow.desired_positions()[-1], fast.desired_positions()[-1], atol=1e-6
-    )
+    end = fast.desired_positions()[-1]
+    np.testing.assert_allclose(slow.desired_positions()[-1], end, atol=1e-6)
 
 
 @pytest.mark.parametrize("pace", [0.0, 101.0, float("nan")])

@@ -8,40 +8,26 @@ from s2c2a.tasks import Score, circle, load_task
 from tilted import axis
 
 TWIN = load_arm("twin_arm")
-TILTS = {
-    "tilt-40": 40,
-    "tilt-50": 50,
-    "tilt-60": 60,
-    "tilt-0": 0,
-    "tilt-50-a20": 50,
-    "tilt-50-c20": 50,
-}
 TURNS = {"tilt-50-a20": 20, "tilt-50-c20": -20}
+TILTS = {f"tilt-{tilt}": tilt for tilt in (40, 50, 60, 0)} | dict.fromkeys(TURNS, 50)
 
 
-def tip_axes(name, arm=TWIN):
-    return load_task(name, arm).desired_axes()[:, -1]
-
-
-def angles_to_the_vertical(axes):
-    return np.rad2deg(np.arctan2(np.hypot(axes[:, 0], axes[:, 1]), axes[:, 2]))
+def tip_axes(name):
+    return load_task(name, TWIN).desired_axes()[:, -1]
 
 
 @pytest.mark.parametrize("name", TILTS)
 def test_the_tip_follows_the_circle(name):
-    task = load_task(name, TWIN)
-    assert (task.name, len(task.goals)) == (name, 200)
-    np.testing.assert_array_equal(
-        task.desired_positions(), circle(TWIN).desired_positions()
-    )
+    expected = circle(TWIN).desired_positions()
+    np.testing.assert_array_equal(load_task(name, TWIN).desired_positions(), expected)
 
 
 @pytest.mark.parametrize("name", TILTS)
 def test_the_tilt_grows_evenly_over_forty_steps_and_stays(name):
     shares = np.append(np.arange(1, 41) / 40, np.ones(160))
-    np.testing.assert_allclose(
-        angles_to_the_vertical(tip_axes(name)), TILTS[name] * shares, atol=1e-3
-    )
+    x, y, z = tip_axes(name).T
+    tilts = np.rad2deg(np.arctan2(np.hypot(x, y), z))
+    np.testing.assert_allclose(tilts, TILTS[name] * shares, atol=1e-3)
 
 
 @pytest.mark.parametrize(("name", "turn"), [("tilt-50", 0), *TURNS.items()])
@@ -52,9 +38,8 @@ def test_the_tilt_grows_evenly_over_forty_steps_and_stays(name):
 def test_a_turned_tilt_leads_or_lags_the_radial_direction_by_twenty_degrees(
     name, turn, step, tilt, azimuth
 ):
-    np.testing.assert_allclose(
-        tip_axes(name)[step - 1], axis(tilt, azimuth + turn), atol=1e-6
-    )
+    found = tip_axes(name)[step - 1]
+    np.testing.assert_allclose(found, axis(tilt, azimuth + turn), atol=1e-6)
 
 
 @pytest.mark.parametrize("name", TURNS)
