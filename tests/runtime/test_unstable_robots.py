@@ -4,12 +4,13 @@ from collections import deque
 
 import numpy as np
 import pytest
+from puppets import Actor, Puppet  # type: ignore[import-not-found]
 
 from s2c2a.arm import ArmGeometry
 from s2c2a.errors import RobotError
 from s2c2a.planning import PAPER
 from s2c2a.robots.simulation import SimulatedRobot
-from s2c2a.runtime import Loop, StepRequest
+from s2c2a.runtime import Loop, Patience, StepRequest
 from s2c2a.spaces import POSITION, Stage
 from s2c2a.strategies import pcc_strategy, s2c2a_strategy, shipped_networks
 from s2c2a.tasks import circle
@@ -102,6 +103,21 @@ class AlteringRobot(SimulatedRobot):
     def send(self, action):
         rest = ArmGeometry.of(self.arm).action_neutral
         return super().send(rest + self.gain * (action - rest))
+
+
+def test_a_robot_that_alters_commands_on_the_way_to_rest_still_goes_there(twin, clock):
+    """Real: a simulation without errors is closed where it is."""
+    robot = Puppet(twin, clock)
+    patience = Patience(unsound=3, alone=10)
+    loop = Loop(robot, Actor(twin), clock, patience=patience)
+    loop.open()
+    for _ in range(12):
+        loop.tick(StepRequest())
+    bent = robot.sent[-1]
+
+    robot.send = lambda action: Puppet.send(robot, -action)
+    loop.close()
+    assert np.abs(robot.sent[-1]).max() < 0.05 * np.abs(bent).max()
 
 
 def run_to_the_end(loop, goals):

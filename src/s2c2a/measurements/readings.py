@@ -50,8 +50,6 @@ class ReadingCheck:
 
     def reset(self) -> None:
         """Forget all readings, as after the robot was opened again."""
-        if self._following is not None:
-            self._following.reset()
         self._last_sound_time: float | None = None
         self._repeated_times = 0
         # of each sensor: time and values of its last measurement, and of its last

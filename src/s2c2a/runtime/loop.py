@@ -304,7 +304,8 @@ class Loop:
                 except EmergencyStopError as error:
                     self.stop(error)
                     raise
-                self._send(self._limiter.limit(self._limiter.towards_rest()))
+                way = self._limiter.towards_rest()
+                self._send(self._limiter.limit(way), closes=True)
                 failures = 0
             # of the robot, which may also call `exit`; the next step may succeed
             except (Exception, SystemExit):
@@ -314,6 +315,7 @@ class Loop:
 
     def _reset(self) -> None:
         self._check.reset()
+        self._following.reset()
         self._limiter = CommandLimiter(self._limits)
         self._robot.reset()
         self.phase = Phase()
@@ -386,8 +388,14 @@ class Loop:
             driver.sent(command)
         return sent
 
-    def _send(self, command: Actions) -> Actions:
-        """Send a command; return what the robot sent [m or N] after one period."""
+    def _send(self, command: Actions, closes: bool = False) -> Actions:
+        """Send a command; return what the robot sent [m or N] after one period.
+
+        Args:
+            command: [m or N].
+            closes: whether the arm goes to rest before the robot is closed; then there is
+                no better command, whatever the robot sends.
+        """
         self._commanded_at = self._clock.with_sleep()
         try:
             answer = self._robot.send(command)
@@ -396,8 +404,7 @@ class Loop:
             raise
         sent = self._robot.sent_action(answer, command.shape)
         excess = self._following.find_excess(sent, command)
-        # on the way to rest there is no better command
-        if excess and not self._stopped:
+        if excess and not closes:
             raise self._robot.error("send", excess)
         self._following.sent(sent)
         self._robot.advance(self._period)
