@@ -9,6 +9,7 @@ from s2c2a.evaluation import (
     describe_jumps_of_frame,
     describe_lost_states,
     describe_plans,
+    describe_touches,
     describe_tracking,
 )
 from s2c2a.planning import Outcome
@@ -40,6 +41,23 @@ from s2c2a.planning import Outcome
 )
 def test_steps_are_counted_by_outcome(columns, text):
     assert describe_plans(made_up(4, **columns)) == text
+
+
+def test_a_target_and_a_tip_within_an_obstacle_are_named():
+    """A ball of 5 cm around the target, in which the tip is from the third step on."""
+    target = np.array([0.1, 0.0, 0.5])
+    ball = np.tile([*target, 0.05], (5, 1, 1))
+    states = np.zeros((5, 3, 6))
+    states[:, -1, :3] = target + np.outer([0.2, 0.1, 0.06, 0.04, 0.03], [1, 0, 0])
+    columns = {"desired_positions": np.tile(target, (5, 3, 1)), "obstacles": ball}
+    beside = columns | {"desired_positions": np.zeros((5, 3, 3))}
+    target_text = "the target was up to 5.0 cm within an obstacle, first 0.1 s after"
+    tip_text = "the tip was up to 2.0 cm within an obstacle, first 0.3 s after"
+    seen = {"sensor.states": states}
+    found = describe_touches(made_up(5, **columns, **seen))
+    assert found == f"{target_text} the start, {tip_text} the start"
+    assert describe_touches(made_up(5, **beside)) == ""
+    assert describe_touches(made_up(5)) == ""
 
 
 HELD_POINT = [[0.02, 0, 0]] * 4

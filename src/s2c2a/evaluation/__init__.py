@@ -19,6 +19,7 @@ from s2c2a.evaluation.report import (
     describe_jumps_of_frame,
     describe_lost_states,
     describe_plans,
+    describe_touches,
     describe_tracking,
 )
 from s2c2a.evaluation.rollout import repeated_rollout, rollout

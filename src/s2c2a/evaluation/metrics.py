@@ -214,13 +214,11 @@ class Metric:
         per_step: (episode, task, score) -> one value for every control step, after its
             action; NaN where the step does not count.
         aggregate: values of the steps that count -> the run's value.
-        rises: whether larger values are better.
     """
 
     unit: str
     per_step: StepMetric
     aggregate: Callable[[PerStep], float] = _mean
-    rises: bool = False
 
 
 @dataclass(frozen=True)
@@ -395,16 +393,10 @@ METRICS = {
         "deg", _compare_states(orientation_errors_deg, Task.desired_axes)
     ),
     "end distance": Metric("cm", _position, _last_mean),
-    "reached": Metric("of runs", _position, _last_mean, rises=True),
-    "clearance": Metric(
-        "cm", _clearance_of(_tip_path, of_tip=True), _minimum, rises=True
-    ),
-    "clearance at steps": Metric(
-        "cm", _clearance_of(_tips, of_tip=True), _minimum, rises=True
-    ),
-    "clearance of the arm": Metric(
-        "cm", _clearance_of(_arm_points), _minimum, rises=True
-    ),
+    "reached": Metric("of runs", _position, _last_mean),
+    "clearance": Metric("cm", _clearance_of(_tip_path, of_tip=True), _minimum),
+    "clearance at steps": Metric("cm", _clearance_of(_tips, of_tip=True), _minimum),
+    "clearance of the arm": Metric("cm", _clearance_of(_arm_points), _minimum),
     "path length": Metric("cm", _path_length, _sum),
     "shape": Metric("cm", _shape, _last_mean),
     "stillness": Metric("cm", _stillness, _maximum),

@@ -15,11 +15,12 @@ from pydantic import ConfigDict
 from s2c2a.arm import ArmGeometry
 from s2c2a.episodes import Episode
 from s2c2a.errors import MAX_SHOWN, counted
+from s2c2a.evaluation.metrics import clearances
 from s2c2a.files.text import atomic_write, write_atomically
 from s2c2a.kinematics import bends_from_configurations
 from s2c2a.measurements.frame_jumps import describe_frame_jump, find_frame_jumps
 from s2c2a.planning import SIGNIFICANT, Outcome
-from s2c2a.spaces import Stage
+from s2c2a.spaces import POSITION, Stage
 
 PLAN_OUTCOMES = {
     Outcome.STALLED: "the planner stood still short of its goal",
@@ -104,6 +105,29 @@ def describe_plans(episode: Episode) -> str:
         changes = np.diff(episode.ran("desired_positions"), axis=0, prepend=np.nan)
         if np.median((abs(changes[held_back]) > 0).any(axis=(1, 2))):
             sentences[-1] += " (a slower --pace helps)"
+    return ", ".join(sentences)
+
+
+def describe_touches(episode: Episode) -> str:
+    """Describe how far target and tip were within obstacles; empty if neither was."""
+    if "obstacles" not in episode.columns:
+        return ""
+    points = {"the target": episode.ran("desired_positions")}
+    if "states" in episode.sensors:
+        after = np.minimum(episode.running + 1, len(episode) - 1)
+        points["the tip"] = episode.sensor("states")[after]
+    radius = {"the tip": episode.arm.modules[-1].radius}
+    sentences = []
+    for name, ends in points.items():
+        tips = ends[:, -1, POSITION]
+        depths = -clearances(tips, episode.ran("obstacles"), radius.get(name, 0.0))
+        within = np.flatnonzero(depths > 0.0)
+        if len(within):
+            first = (within[0] + 1) / episode.arm.control_rate
+            sentences.append(
+                f"{name} was up to {depths[within].max():.1f} cm within an obstacle, "
+                f"first {first:g} s after the start"
+            )
     return ", ".join(sentences)
 
 
