@@ -15,6 +15,7 @@ import optax
 from jaxtyping import Array, Float, PRNGKeyArray
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
+from s2c2a.logs.interpolation import evenly_spread
 from s2c2a.models import ChainOptions
 from s2c2a.models.residual_process import matern
 from s2c2a.spaces import POSITION
@@ -104,7 +105,7 @@ def fit_process(
     """Fit to samples in order of time; NaN: unknown targets."""
     ever_known = np.isfinite(targets).any(axis=0)
     complete = np.flatnonzero(np.isfinite(targets[:, ever_known]).all(axis=1))
-    rows = complete[_evenly(len(complete), ROWS)]
+    rows = complete[evenly_spread(len(complete), ROWS)]
     x, y = inputs[rows].astype(float), targets[rows].astype(float)
     center, width = x.mean(axis=0), x.std(axis=0)
     scale = np.where(width > 1e-6 * width.max(), width, np.inf)
@@ -112,7 +113,7 @@ def fit_process(
     mean = y.mean(axis=0)
     spread = np.maximum(y.std(axis=0), 1e-9)
     normalized = (y - mean) / spread
-    thinned = _evenly(len(rows), LIKELIHOOD_ROWS)
+    thinned = evenly_spread(len(rows), LIKELIHOOD_ROWS)
     logarithms = _most_likely(
         jnp.asarray(points[thinned], jnp.float32),
         jnp.asarray(normalized[thinned][:, ever_known], jnp.float32),
@@ -125,10 +126,6 @@ def fit_process(
     return GaussianProcess(
         center, scale, points, logarithms, np.tril(root), weights, mean, spread
     )
-
-
-def _evenly(count: int, most: int) -> np.ndarray:
-    return np.linspace(0, count - 1, min(count, most)).astype(int)
 
 
 @jax.jit

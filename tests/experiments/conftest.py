@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 
 from s2c2a.arm import load_arm
+from s2c2a.cli.demo import ARMS
 from s2c2a.jobs import Cache, GivenNetworks, RecordingArtifact, made
-from s2c2a.jobs.circle import ARMS
 from s2c2a.strategies import (
     recipe_named,
     save_networks,
