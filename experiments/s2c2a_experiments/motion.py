@@ -166,7 +166,8 @@ def _jumps(run: jobs.Run) -> list[tuple[float, float]]:
         direction = jump / np.linalg.norm(jump)
         is_far = np.linalg.norm(way, axis=-1) > NEAR
         # row j is j + 1 periods after the jump; one that never ends has no time
-        steps = len(way) - np.argmax(is_far[::-1]) + 1 if is_far.any() else 1
+        near = np.argmax(is_far[::-1])
+        steps = len(way) - near + 1 if is_far.any() else 1
         time = np.nan if is_far[-1] else steps / arm.control_rate
         beyond = max(0.0, float((way @ direction).max()))
         found.append((time, 100.0 * beyond))

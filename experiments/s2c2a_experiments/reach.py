@@ -265,7 +265,8 @@ def _reached(
     """What a shape reaches; the model's deviation and other starts are left out."""
     states = arm.states(bends)
     tip = states[-1]
-    cosine = jnp.clip(jnp.sum(tip[AXIS] * goal.axes[-1]), -1.0, 1.0)
+    along = jnp.sum(tip[AXIS] * goal.axes[-1])
+    cosine = jnp.clip(along, -1.0, 1.0)
     has_axis = goal.axis_weights[-1] > 0.0
     return {
         "bends": bends,

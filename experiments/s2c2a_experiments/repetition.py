@@ -92,7 +92,8 @@ def _turn_errors(run: jobs.Run, turns: int) -> list[float]:
     states = run.episode.after("states")
     errors = position_errors(states, run.job.task.desired_positions())
     steps = turns * round(ROUND_TIME * run.job.arm.control_rate)
-    return [float(np.nanmean(turn)) for turn in np.split(errors[-steps:], turns)]
+    parts = np.split(errors[-steps:], turns)
+    return [float(np.nanmean(turn)) for turn in parts]
 
 
 def _jobs(study: RepetitionStudy, arm: ArmSpec, task: str) -> list[jobs.Job]:

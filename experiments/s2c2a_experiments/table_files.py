@@ -42,7 +42,8 @@ def save_across(name: str, rows: Sequence[Row], folder: Path) -> Path:
         The Markdown file.
     """
     save_rows(rows, folder / f"{name}.json")
-    columns = list(dict.fromkeys((row.task, row.metric, row.unit) for row in rows))
+    names = [(row.task, row.metric, row.unit) for row in rows]
+    columns = list(dict.fromkeys(names))
     cells = {
         (row.strategy, row.task, row.metric): pair(row.mean, row.std_seeds)
         for row in rows

@@ -287,7 +287,8 @@ class Gate:
         with suppress(ConnectionClosed):
             async for message in browser:
                 times.append(time.monotonic())
-                flood = len(times) == BURST and times[-1] - times[0] < WITHIN
+                duration = times[-1] - times[0]
+                flood = len(times) == BURST and duration < WITHIN
                 if not flood and await accept(message):
                     continue
                 reason = "flood" if flood else "form"

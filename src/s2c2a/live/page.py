@@ -356,4 +356,5 @@ def _desired(snapshot: Snapshot) -> Float[np.ndarray, "2 3"]:
     goal = snapshot.step.goal
     if goal is None:
         return np.full((2, 3), np.nan)
-    return np.array([goal.desired_positions()[-1], goal.desired_axes()[-1]], float)
+    axis = goal.desired_axes()[-1]
+    return np.array([goal.desired_positions()[-1], axis], float)

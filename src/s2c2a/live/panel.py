@@ -508,5 +508,6 @@ def _new_solid(
         "cylinder": along,
         "half_space": {"point": center, "normal": -offset},
     }
-    values = {name: np.asarray(value).tolist() for name, value in keys[kind].items()}
+    given = keys[kind].items()
+    values = {name: np.asarray(value).tolist() for name, value in given}
     return SOLID.validate_python({"kind": kind, **values})

@@ -491,7 +491,8 @@ def _add_grid_lines(
     """
     directions = np.sign(lines[:, 1] - lines[:, 0])
     offsets = half_width * np.cross((0.0, 0.0, 1.0), directions)[:, None]
-    corners = np.stack([lines - offsets, lines + offsets], axis=2).reshape(-1, 3)
+    sides = np.stack([lines - offsets, lines + offsets], axis=2)
+    corners = sides.reshape(-1, 3)
     triangles = np.array([(0, 2, 1), (1, 2, 3)])
     faces = triangles + 4 * np.arange(len(lines))[:, None, None]
     _add_mesh(

@@ -42,7 +42,8 @@ def solid_of(row: Row) -> AnySolid:
     """The solid of a row at rest, with lengths to a micrometer."""
     threshold, core = float(row[THRESHOLD]), row[CORE]
     half, disc = core[HALF_EDGES], float(core[DISC])
-    turn = Rotation.from_quat(core[TURN] if core[TURN].any() else [0, 0, 0, 1])
+    quaternion = core[TURN] if core[TURN].any() else [0, 0, 0, 1]
+    turn = Rotation.from_quat(quaternion)
     axis = turn.apply([0.0, 0.0, half[2]])
     values: dict[str, Any] = {"clearance": max(threshold - SKIN, 0.0)}
     if is_half_space(row):

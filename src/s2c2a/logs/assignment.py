@@ -99,7 +99,8 @@ def _log_reach(effects: np.ndarray) -> np.ndarray:
     sizes = np.linalg.norm(effects, axis=-1) + 1e-12
     if sizes.shape[1] == 1:
         return -np.log(sizes[:, -1])
-    return -(sizes[:, :-1] / sizes[:, -1:]).sum(axis=1)
+    shares = sizes[:, :-1] / sizes[:, -1:]
+    return -shares.sum(axis=1)
 
 
 def _groupings(log_map: LogMap) -> Iterator[Grouping]:

@@ -132,7 +132,8 @@ def _is_sorted(found: Identified, log_map: LogMap) -> bool:
 def _are_reversed(found: Identified, log_map: LogMap) -> bool:
     stated = signs_of(log_map)
     known = stated != 0
-    return bool(known.any() and (found.signs[known] == -stated[known]).all())
+    are_opposed = found.signs[known] == -stated[known]
+    return bool(known.any() and are_opposed.all())
 
 
 def signs_of(log_map: LogMap) -> np.ndarray:

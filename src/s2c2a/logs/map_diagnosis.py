@@ -114,7 +114,8 @@ def diagnose(takes: Sequence[LogTake], log_map: LogMap, given: Given | None) -> 
     old = float(np.sqrt(np.mean(stated**2)))
     new = float(np.sqrt(np.mean(free_errors**2)))
     better = int((free_errors < stated).sum())
-    is_better = better >= len(stated) - 1 and new <= min(CLEARLY * old, MOST)
+    is_small = new <= min(CLEARLY * old, MOST)
+    is_better = is_small and better >= len(stated) - 1
     if new < POOR:  # the sizes of a poor fit mean nothing
         sizes = ""
         if is_better or not (log_map.arm.length or log_map.arm.lengths):

@@ -109,5 +109,6 @@ def _rows(rows: Rows, names: list[str], period: float | None) -> Rows:
             if all(parse_number(cell, False) == 0.0 for cell in position):
                 row[place : place + 3] = ["", "", ""]
         if period is not None:
-            row = [*row[: len(names)], str(frame + 1), repr(frame * period)]
+            time = repr(frame * period)
+            row = [*row[: len(names)], str(frame + 1), time]
         yield line, row

@@ -75,7 +75,8 @@ def estimate_registration(
     if np.linalg.norm(x) < 0.1:
         raise LogError("frame.x points along the arm; give a direction across it")
     x = x / np.linalg.norm(x)
-    return Registration(np.stack([x, np.cross(z, x), z], axis=1), base, lengths)
+    rotation = np.stack([x, np.cross(z, x), z], axis=1)
+    return Registration(rotation, base, lengths)
 
 
 def straight_rows(

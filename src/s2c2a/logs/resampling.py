@@ -91,7 +91,8 @@ def select_rows(take: LogTake, rows: np.ndarray | slice) -> LogTake:
 
 def _resample(segment: LogTake, period: float, limit: float) -> LogTake:
     times = segment.time
-    count = int((times[-1] - times[0]) / period + 1e-6) + 1
+    duration = times[-1] - times[0]
+    count = int(duration / period + 1e-6) + 1
     samples = times[0] + period * np.arange(count)
     # rounding could put the last sample behind the end
     samples = np.minimum(samples, times[-1])

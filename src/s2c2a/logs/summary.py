@@ -165,7 +165,8 @@ def _describe_episodes(imported: Imported | ImportedTake) -> list[str]:
         lines.append(excluded)
     rig = imported.rig
     rests = zip(rig.names, rig.rests, rig.scales, strict=False)
-    parts = [f"'{name}' {rest / scale:.4g}" for name, rest, scale in rests if rest]
+    known = [(name, rest / scale) for name, rest, scale in rests if rest]
+    parts = [f"'{name}' {place:.4g}" for name, place in known]
     if parts:
         lines.append(
             f"rest: {', '.join(parts)}: their values where the arm is straightest; state "

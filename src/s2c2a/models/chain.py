@@ -191,7 +191,7 @@ class ChainC2S(ForwardModel):
         inputs: Float[Array, "*batch modules inputs cables"],
         disturbances: Disturbances | None = None,
     ) -> Float[Array, "*batch modules 6"]:
-        """States [m, 1] for inputs of the hysteresis model, base frame. Training calls this.
+        """States [m, 1] for inputs of the hysteresis model, base frame.
 
         Args:
             inputs: see `inputs`.

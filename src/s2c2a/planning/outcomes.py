@@ -63,7 +63,7 @@ def plan_error(states: Float[Numbers, "modules 6"], goal: Goal) -> float:
     """Largest distance of module ends from their desired positions [m].
 
     Args:
-        states: predicted for the plan, base frame (`Planner.expectation`).
+        states: predicted for the plan, base frame (`Plan.expectation`).
         goal: as requested; outside compiled code.
 
     Returns:

@@ -459,7 +459,7 @@ class Planner:
         options: PlannerOptions,
         factors: ModalFactors | None = None,
     ):
-        """Compile for an arm and a forward model.
+        """A planner of an arm with a forward model.
 
         Args:
             arm: its limits hold.

@@ -251,7 +251,8 @@ def looped(shape: Shape, indices: Indices, statement: str) -> str:
         inner, length = loops[-1] if loops else ("", 0)
         pair = rf"\b{index} \* (\d+) \+ {inner}\b(?: \* (\d+))?(?! \*)"
         strides = re.findall(pair, statement)
-        uses = [len(re.findall(rf"\b{name}\b", statement)) for name in (index, inner)]
+        names = [rf"\b{name}\b" for name in (index, inner)]
+        uses = [len(re.findall(name, statement)) for name in names]
         is_whole = all(int(far) == length * int(near or 1) for far, near in strides)
         if loops and is_whole and uses == [len(strides)] * 2:
             statement = re.sub(rf"\b{index} \* \d+ \+ {inner}\b", inner, statement)

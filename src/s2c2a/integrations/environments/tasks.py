@@ -85,7 +85,8 @@ class Family(ABC):
 
     def scenario(self, random: Random, tip: Float[np.ndarray, "3"]) -> Scenario:
         """Sample an episode that begins with the tip here [m], base frame."""
-        return Scenario(self.goals(random, tip), np.zeros((self.steps, 3)), np.zeros(4))
+        goals = self.goals(random, tip)
+        return Scenario(goals, np.zeros((self.steps, 3)), np.zeros(4))
 
     @abstractmethod
     def goals(

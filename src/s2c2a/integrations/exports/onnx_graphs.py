@@ -202,7 +202,8 @@ def add_sum_and_range(graph: Graph, layer: SumAndRange, raw: str) -> tuple[str, 
         return graph.add("Einsum", matrices, bends, equation="mck,mk->mc")
 
     if layer.evenly_three:
-        mixing = graph.constant((3.0 * np.eye(3) - np.ones((3, 3))) / 4.0)
+        weights = 3.0 * np.eye(3) - np.ones((3, 3))
+        mixing = graph.constant(weights / 4.0)
         normalized = graph.add("MatMul", graph.add("Tanh", raw), mixing)
     else:
         bends = bends_of(raw)

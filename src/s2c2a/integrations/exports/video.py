@@ -146,7 +146,8 @@ class VideoStage:
         self._draw_line(np.stack([position, tip]), DESIRED, zorder=FRONT)
         dot = {"marker": "o", "markersize": 9, "markeredgecolor": "white"}
         self._draw_line(position[None], DESIRED, zorder=FRONT, **dot)
-        text = f"{trace.label}   {trace.times[step] - trace.times[0]:.1f} s"
+        time = trace.times[step] - trace.times[0]
+        text = f"{trace.label}   {time:.1f} s"
         style = {"color": MUTED, "parse_math": False}
         axes.text2D(0.02, 0.03, text, transform=self.figure.transFigure, **style)
 

@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 app = SubcommandApp()
 command = app, "Bring up the servos of a real arm."
 Id = tyro.conf.Positional[Annotated[int, tyro.conf.arg(metavar="ID")]]
-Ids = tyro.conf.Positional[Annotated[tuple[int, ...], tyro.conf.arg(metavar="ID ...")]]
+SeveralIds = Annotated[tuple[int, ...], tyro.conf.arg(metavar="ID ...")]
+Ids = tyro.conf.Positional[SeveralIds]
 Distance = tyro.conf.Positional[Annotated[float, tyro.conf.arg(metavar="MM")]]
 PortName = Annotated[
     str,

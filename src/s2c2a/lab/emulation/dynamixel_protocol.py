@@ -119,7 +119,8 @@ class DynamixelProtocol(ServoProtocol):
 
     def status(self, servo: Servo, error: int = 0, parameters: bytes = b"") -> Reply:
         """See `ServoProtocol.status`; the alert bit stands for hardware errors."""
-        data = pack(servo.id, STATUS, bytes((error | _alert(servo),)) + parameters)
+        errors = bytes((error | _alert(servo),))
+        data = pack(servo.id, STATUS, errors + parameters)
         return Reply(servo.id, data, servo.return_delay)
 
     def answer(

@@ -118,7 +118,8 @@ class FaultGrammar:
     def _invalid(self, text: str) -> S2C2AError:
         kind = "".join(text.split()[1:2])
         suggested = "" if kind in self.kinds else did_you_mean(kind, self.kinds)
-        kinds = [" ".join((name, *map(str, self.kinds[name]))) for name in self.kinds]
+        words = [(name, *map(str, values)) for name, values in self.kinds.items()]
+        kinds = [" ".join(parts) for parts in words]
         torque = ""
         if self.has_torque:
             torque = f" (after '{AFTER_TORQUE}', from the first torque on)"

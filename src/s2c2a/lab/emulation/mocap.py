@@ -50,7 +50,8 @@ class SlowMotion:
     def goals(self, now: float) -> Float[np.ndarray, " cables"]:
         """Return the displacements of the cables [m] at a time [s]."""
         geometry = self._geometry
-        sines = np.sin(2 * np.pi * self._frequencies * now + self._phases)
+        turns = 2 * np.pi * self._frequencies * now
+        sines = np.sin(turns + self._phases)
         ramp = min(now / _RAMP, 1.0)
         bends = _LARGEST_BEND / np.sqrt(2) * ramp * sines.mean(axis=-1)
         actions = geometry.actions_at(bends)

@@ -379,7 +379,8 @@ class BringUp:
             place = self._places[id]
             goals[place] += np.clip(target - goals[place], -MAX_LEAD, MAX_LEAD)
         wanted = winches.positions(goals)
-        self._bus.send_goals({id: int(wanted[self._places[id]]) for id in targets})
+        places = {id: self._places[id] for id in targets}
+        self._bus.send_goals({id: int(wanted[place]) for id, place in places.items()})
 
     def _states(self, ids: list[int]) -> dict[int, ServoState]:
         EMERGENCY_STOP.check()

@@ -324,7 +324,8 @@ class ServoRobot(Robot):
         acceleration = radius * geometry.acceleration_limit / period**2
         # the slope of the shares below is at most 1.5, their curvature 6
         duration = max(1.5 * distance / speed, math.sqrt(6.0 * distance / acceleration))
-        parts = np.linspace(0.0, 1.0, int(np.ceil(duration / REST_PERIOD)) + 1)[1:]
+        count = int(np.ceil(duration / REST_PERIOD))
+        parts = np.linspace(0.0, 1.0, count + 1)[1:]
         shares = parts**2 * (3.0 - 2.0 * parts)  # starts and ends at rest
         self._wind_along([start + share * (target - start) for share in shares])
 

@@ -527,6 +527,7 @@ def chirp(
     by_speed = geometry.step_limit * arm.control_rate / omega
     by_acceleration = geometry.acceleration_limit * arm.control_rate**2 / omega**2
     allowed = LIMIT_SHARE * np.minimum(by_speed, by_acceleration)
-    fade = np.minimum(1.0, np.minimum(times, duration - times) / (FADE * duration))
+    near = np.minimum(times, duration - times)
+    fade = np.minimum(1.0, near / (FADE * duration))
     wave = fade * np.sin((omega - omega[0]) / growth)
     return wave[:, None] * np.minimum(amplitudes, allowed[:, None])

@@ -115,7 +115,8 @@ def identify_response(motion: Motion, search: SearchRanges) -> DelayedResponse:
 def _bounded(rows: np.ndarray, search: SearchRanges) -> np.ndarray:
     """Different rows within the ranges, with logarithms of frequencies and dampings."""
     low, high = _ranges(search)
-    logs = np.concatenate([rows[:, :2], np.log(rows[:, 2:])], axis=1)
+    logarithms = np.log(rows[:, 2:])
+    logs = np.concatenate([rows[:, :2], logarithms], axis=1)
     return np.unique(logs.clip(low, high), axis=0)
 
 
@@ -252,6 +253,7 @@ def _whitening_filter(errors: np.ndarray) -> np.ndarray:
     """Taps that predict every error from those before (Yule-Walker)."""
     order = range(WHITENING_ORDER + 1)
     count = len(errors)
-    lags = np.array([errors[: count - lag] @ errors[lag:] for lag in order])
+    products = [errors[: count - lag] @ errors[lag:] for lag in order]
+    lags = np.array(products)
     lags[0] *= 1.0 + 1e-9
     return np.append(1.0, -solve_toeplitz(lags[:-1], lags[1:]))

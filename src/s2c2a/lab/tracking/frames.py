@@ -101,7 +101,8 @@ def find_frames(arm: ArmSpec, held: Sequence[HeldPoses]) -> Frames:
     measured = _Measured.of(arm, held)
     # check that the base body stands still: it is no end
     first = held[0].base
-    shift = max(np.linalg.norm(one.base.position - first.position) for one in held)
+    moves = [one.base.position - first.position for one in held]
+    shift = max(np.linalg.norm(move) for move in moves)
     turn = max(angle_between(one.base, first) for one in held)
     if shift > MAX_BASE_SHIFT or turn > MAX_BASE_TURN:
         raise FrameError(
@@ -206,7 +207,8 @@ def _check_order(measured: _Measured) -> None:
     if (follows == expected).all():
         return
     counts = follows.sum(axis=0)
-    order = ", ".join(f"end-{body + 1} by {counts[body]}" for body in range(modules))
+    texts = [f"end-{body} by {count}" for body, count in enumerate(counts, start=1)]
+    order = ", ".join(texts)
     raise FrameError(
         f"bodies turn with other modules than they should ({order} of {modules} "
         "modules; end-1 must turn with one, end-2 with two, ...): bodies are swapped, "
@@ -227,8 +229,9 @@ def _align(measured: _Measured) -> Float[np.ndarray, "3 3"]:
     rotation = Rotation.align_vectors(turns, expected)[0].as_matrix()
     strong = np.linalg.norm(expected, axis=1) > MIN_TURN
     predicted = expected[strong] @ rotation.T
-    cosines = (predicted * turns[strong]).sum(axis=1)
-    cosines /= np.linalg.norm(predicted, axis=1) * np.linalg.norm(turns[strong], axis=1)
+    seen = turns[strong]
+    cosines = (predicted * seen).sum(axis=1)
+    cosines /= np.linalg.norm(predicted, axis=1) * np.linalg.norm(seen, axis=1)
     error = np.arccos(np.clip(cosines, -1, 1)).mean()
     if error > MAX_ALIGNMENT:
         raise FrameError(

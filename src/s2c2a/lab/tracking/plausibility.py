@@ -238,7 +238,8 @@ def _shortest_chord(lengths: np.ndarray, turns: np.ndarray) -> float:
     starts = np.cumsum(turns) - turns
     middles = starts + turns / 2
     chords = lengths * np.sinc(turns / 2 / np.pi)
-    return float(np.hypot(chords @ np.cos(middles), chords @ np.sin(middles)))
+    along = chords @ np.cos(middles)
+    return float(np.hypot(along, chords @ np.sin(middles)))
 
 
 def _least_progress(lengths: np.ndarray, turns: np.ndarray) -> float:

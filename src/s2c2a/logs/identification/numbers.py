@@ -122,7 +122,8 @@ class PolarKeys:
         if self.logarithmic:
             length = math.log(length)
         angle = self.symmetry * math.radians(table[self.direction])
-        table[self.size] = [length * math.cos(angle), length * math.sin(angle)]
+        across = length * math.sin(angle)
+        table[self.size] = [length * math.cos(angle), across]
 
     def to_polar(self, table: dict[str, Any]) -> None:
         """Replace the components by the size and the direction."""

@@ -110,5 +110,6 @@ def _thin(episode: Episode, stride: int) -> Episode:
     rows = np.arange(0, len(episode), stride)
     columns = {name: values[rows] for name, values in episode.columns.items()}
     # an action leads to the row after it
-    columns["actions"] = episode["actions"][np.append(rows[1:] - 1, rows[-1])]
+    sent = np.append(rows[1:] - 1, rows[-1])
+    columns["actions"] = episode["actions"][sent]
     return replace(episode, columns=columns)

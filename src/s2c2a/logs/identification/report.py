@@ -155,7 +155,8 @@ def _format_combination(
 ) -> str:
     """Text such as `0.8 modules.0.mass - 0.6 modules.1.mass`, largest part positive."""
     order = np.argsort(-np.abs(direction))
-    shown = [index for index in order if abs(direction[index]) > NAMED] or order[:3]
+    large = [index for index in order if abs(direction[index]) > NAMED]
+    shown = large or order[:3]
     parts = direction * np.sign(direction[order[0]])
     terms = [
         f"{'-' if parts[index] < 0 else '+'} {abs(parts[index]):.1f} {names[index]}"

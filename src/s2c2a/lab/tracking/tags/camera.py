@@ -108,7 +108,8 @@ class CameraModel(BaseModel):
     @property
     def field_of_view(self) -> float:
         """Horizontal field of view without distortion [deg]."""
-        return math.degrees(2 * math.atan(self.width / 2 / self.focal_lengths[0]))
+        half = math.atan(self.width / 2 / self.focal_lengths[0])
+        return math.degrees(2 * half)
 
 
 def save_camera(camera: CameraModel, path: str | os.PathLike) -> None:

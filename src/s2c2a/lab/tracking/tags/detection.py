@@ -173,7 +173,8 @@ def refine_corners(
         points = _map(homography, _edge_points(offsets))
         lines = [_fit_line(edge) for edge in points]
         along = np.stack([_ALONG, np.ones_like(_ALONG)], axis=1)
-        residuals = offsets.T - along @ np.linalg.lstsq(along, offsets.T, rcond=None)[0]
+        fitted = np.linalg.lstsq(along, offsets.T, rcond=None)[0]
+        residuals = offsets.T - along @ fitted
         errors = CELLS * np.sqrt(np.mean(residuals**2, axis=0))
         if errors.max() > MAX_EDGE_ERROR:
             raise TagError(TagDropReason.COVERED)

@@ -215,7 +215,8 @@ def _refined(
         vector.reshape(3, 1),
         start.position.reshape(3, 1).copy(),
     )
-    if not np.isfinite([vector, position]).all() or np.abs(position).max() > 100:
+    is_known = np.isfinite([vector, position]).all()
+    if not is_known or np.abs(position).max() > 100:
         return None
     pose = _pose(vector, position)
     depths = (model @ pose.matrix.T + pose.position)[:, 2]

@@ -207,7 +207,8 @@ def _face(
     y = half_width * math.sin(angle)
     # the turn about z after the turn that carries x, y, z of the tag to y, z, x
     half = angle / 2
-    turn = Pose.measured((0, 0, 0), (0, 0, math.sin(half), math.cos(half)))
+    quaternion = (0, 0, math.sin(half), math.cos(half))
+    turn = Pose.measured((0, 0, 0), quaternion)
     first = Pose.measured((0, 0, 0), (0.5, 0.5, 0.5, 0.5))
     qx, qy, qz, qw = (float(value) for value in (turn @ first).rotation)
     return (x, y, height), (qx, qy, qz, qw)

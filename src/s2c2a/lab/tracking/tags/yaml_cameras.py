@@ -101,7 +101,8 @@ def camera_values(text: str) -> dict[str, Any]:
             "(k1, k2, p1, p2, k3)"
         )
     matrix = _numbers(values, _MATRICES)
-    if len(matrix) != 9 or matrix[1] or matrix[3] or matrix[6:] != [0, 0, 1]:
+    is_whole = len(matrix) == 9 and matrix[6:] == [0, 0, 1]
+    if not is_whole or matrix[1] or matrix[3]:
         raise ValueError(
             f"{_MATRICES[0]}: write the 9 numbers fx, 0, cx, 0, fy, cy, 0, 0, 1, got "
             f"{matrix}"
