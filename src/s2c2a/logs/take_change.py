@@ -248,12 +248,12 @@ def _features(
 
 
 def describe_change(change: TakeChange) -> str:
-    """Describe what explains the difference, and what to do."""
+    """Describe what explains the difference, and what to do, in sentences."""
     angle = np.rad2deg(np.linalg.norm(change.rotation))
     shift = 1e3 * np.linalg.norm(change.shift)
     rigid = f"all ends are shifted by {shift:.1f} mm and rotated by {angle:.1f} deg"
     if change.is_moved or change.may_be_homing:
-        text = f"{_describe_cause(change, rigid)}; import this take without --like"
+        text = f"{_describe_cause(change, rigid)}. Import this take without --like"
     elif change.is_payload:
         text = (
             "consistent with a payload: bent ends sag along gravity, and near rest "
@@ -263,7 +263,7 @@ def describe_change(change: TakeChange) -> str:
         text = f"no camera has moved ({rigid})"
     if change.extrapolated:
         text += (
-            f"; {100 * change.extrapolated:.0f} % of the steps have cables unlike any "
+            f". In {100 * change.extrapolated:.0f} % of the steps, cables are unlike any "
             "of the first recording: a model of it extrapolates there"
         )
     return text
@@ -271,11 +271,11 @@ def describe_change(change: TakeChange) -> str:
 
 def _describe_cause(change: TakeChange, rigid: str) -> str:
     moved = 1e3 * change.offset_motion
-    camera = f"a camera or the base has moved: {rigid}, also near rest"
+    camera = f"a camera or the base has moved ({rigid}, also near rest)"
     homing = (
-        "motors were homed anew, or cables slipped: constant offsets of the cables move "
-        f"an end by {moved:.1f} mm"
+        "motors were homed anew, or cables slipped (constant offsets of the cables move "
+        f"an end by {moved:.1f} mm)"
     )
     if change.is_moved and change.may_be_homing:
-        return f"either {camera}, or {homing} (the data cannot tell)"
+        return f"{camera}, or {homing}: the data cannot tell"
     return camera if change.is_moved else homing
