@@ -47,7 +47,7 @@ def table(log):
 
 @pytest.fixture
 def outcome(log, tmp_path):
-    """Diagnosis, or the error, of an import of transformed ends with 1 mm of noise."""
+    """What an import of transformed ends with 1 mm of noise says of the map."""
 
     def run(table, transform=STRAIGHT, noise=0.001):
         names = log.path.read_text().splitlines()[0].split(",")
@@ -59,7 +59,8 @@ def outcome(log, tmp_path):
         path = tmp_path / "log.csv"
         np.savetxt(path, values, "%.7g", ",", header=",".join(names), comments="")
         try:
-            return import_logs([path], LogMap.model_validate(table)).diagnosis
+            imported = import_logs([path], LogMap.model_validate(table))
+            return imported.diagnosis + imported.contradictions
         except S2C2AError as error:
             return str(error)
 
@@ -86,6 +87,21 @@ def test_exchanged_columns_are_named(table, outcome):
         x, y, z = end["position"]
         end["position"] = [x, z, y]
     assert "exchange the columns 'z0' and 'y0'" in outcome(table)
+
+
+@pytest.mark.slow
+def test_angles_that_no_single_change_explains_are_contradicted(table, outcome):
+    names = []
+    for module in (0, 1):
+        first, second = [one for one in table["drives"] if one["module"] == module][:2]
+        first["angle_deg"], second["angle_deg"] = (
+            second["angle_deg"],
+            first["angle_deg"],
+        )
+        names += [first["measured"], second["measured"]]
+    text = outcome(table)
+    assert "the log contradicts stated angles" in text
+    assert any(f"'{name}' by" in text for name in names)
 
 
 @pytest.mark.slow

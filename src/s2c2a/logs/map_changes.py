@@ -90,6 +90,24 @@ def contradicts_angles(found: Identified, log_map: LogMap) -> bool:
     return errors is None or bool((errors > np.deg2rad(TOLERANCE_DEG)).any())
 
 
+def describe_angles(found: Identified, log_map: LogMap) -> str:
+    """Sentence that names drives whose identified angle is far from the stated one."""
+    errors = _angle_errors(found, log_map)
+    if errors is None:
+        return ""
+    names = [
+        f"'{drive.name}' by {error:.0f} deg"
+        for drive, error in zip(log_map.drives, np.rad2deg(errors), strict=True)
+        if error > TOLERANCE_DEG
+    ]
+    if not names:
+        return ""
+    return (
+        f"the log contradicts stated angles: {', '.join(names)}; check module, angle_deg "
+        "and positive of these drives, and that the frame of the ends is right-handed"
+    )
+
+
 def find_changes(found: Identified, log_map: LogMap) -> list[str]:
     """Clauses of the single changes, each of which explains all; empty if none does."""
     if _agrees(found, log_map):

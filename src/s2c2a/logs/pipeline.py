@@ -24,6 +24,7 @@ from s2c2a.logs.drive_faults import excess_travel, foreign_units, likely_changes
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.frame_motion import FrameMotion, find_frame_motions
 from s2c2a.logs.log_map import LogMap
+from s2c2a.logs.map_changes import Identified, describe_angles
 from s2c2a.logs.map_diagnosis import (
     CLEARLY,
     MOST,
@@ -386,6 +387,10 @@ def _describe(fitted: _Fitted, log_map: LogMap, arm: ArmSpec | None) -> Imported
     undetermined = undetermined_numbers(fit, observations.columns, log_map)
     unusual = unusual_numbers(fit, fitted.start, log_map)
     diagnosis = diagnose_map(fitted.takes, log_map, given)
+    contradictions = [describe_contradictions(fit.parameters, observations)]
+    if not diagnosis:
+        identified = Identified.of(fit, assignment, observations.axes)
+        contradictions.append(describe_angles(identified, log_map))
     missed = missed_share(fit, observations)
     # a drive of another unit hardly moves, or lets others seem to
     still = still_drives(observations.columns, log_map)
@@ -410,7 +415,7 @@ def _describe(fitted: _Fitted, log_map: LogMap, arm: ArmSpec | None) -> Imported
         segments,
         diagnosis,
         poor_fit,
-        describe_contradictions(fit.parameters, observations),
+        "; ".join(filter(None, contradictions)),
         tuple(undetermined),
         tuple(unusual),
     )
