@@ -1,9 +1,9 @@
 """What a program writes first: collect, train, load a strategy, run it.
 
 Each function does what the command of the same name does, with the same defaults; only
-`collect` reads or completes a file that exists, and commands alone train with one thread,
-so that the last bits of weights are those of any machine. `import s2c2a` offers them, and the
-classes that they need.
+`collect` reads or completes a file that exists. Commands train with one thread, which
+gives the same last bits on any number of cores. `import s2c2a` offers these functions, and
+the classes that they need.
 """
 
 import os

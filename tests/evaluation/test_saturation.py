@@ -27,7 +27,7 @@ def test_the_share_and_the_most_limited_cable_are_named(dtype):
     actions[2, 0, 0] = high[0, 0]
     assert describe_saturation(TWIN, actions) == (
         "commands were at a limit of their range in 25 % of the steps, most often "
-        "cable 2 of module 3: goals nearer to the rest need less, and a larger "
+        "cable 2 of module 3: motion nearer to rest needs less, and a larger "
         "cable.travel in the arm file allows more, if the arm bears it"
     )
 

@@ -199,8 +199,7 @@ def run(
         stream_to(stream, spec) as on_step,
     ):
         runs = make([replace(job, on_step=on_step) for job in job_list])
-    title = f"{paced.name} with {spec.name}"
-    _report(runs, directory, title, measurable=_has_own_networks(weights))
+    _report(runs, directory, f"{paced.name} with {spec.name}")
 
 
 def _has_own_networks(weights: Path | None) -> bool:
@@ -421,35 +420,25 @@ def _time_spans(times: "Sequence[float]", all_times: "Sequence[float]") -> list[
     return spans
 
 
-def _report(
-    runs: "Sequence[jobs.Run]", directory: Path, title: str, measurable: bool
-) -> None:
-    """Write results, print the table, and what is remarkable about each run.
-
-    Args:
-        runs: all of the command.
-        directory: the run directory.
-        title: of the table.
-        measurable: whether `s2c2a session` can change the networks.
-    """
+def _report(runs: "Sequence[jobs.Run]", directory: Path, title: str) -> None:
+    """Write results, print the table, and what is remarkable about each run."""
     from s2c2a import evaluation, jobs
     from s2c2a.jobs.run_folder import draw_runs, save_results
 
     rows = jobs.score_rows("run", runs)
     save_results(directory, rows, runs)
     print_results(title, rows, draw_runs(directory, runs), directory)
-    describe_all = [
+    describe_all = (
         evaluation.describe_plans,
         evaluation.describe_touches,
         evaluation.describe_run_saturation,
         evaluation.describe_lasting_error,
+        evaluation.describe_disagreement,
         evaluation.describe_extrapolation,
         evaluation.describe_estimates,
         evaluation.describe_faults,
         evaluation.describe_tracking,
-    ]
-    if measurable:
-        describe_all.append(evaluation.describe_disagreement)
+    )
     for run in runs:
         for describe in describe_all:
             if text := describe(run.episode):

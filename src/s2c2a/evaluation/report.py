@@ -112,15 +112,14 @@ def describe_touches(episode: Episode) -> str:
     """Describe how far target and tip were within obstacles; empty if neither was."""
     if "obstacles" not in episode.columns:
         return ""
-    points = {"the target": episode.ran("desired_positions")}
+    places = [("the target", episode.ran("desired_positions")[:, -1], 0.0)]
     if "states" in episode.sensors:
         after = np.minimum(episode.running + 1, len(episode) - 1)
-        points["the tip"] = episode.sensor("states")[after]
-    radius = {"the tip": episode.arm.modules[-1].radius}
+        tips = episode.sensor("states")[after, -1, POSITION]
+        places.append(("the tip", tips, episode.arm.modules[-1].radius))
     sentences = []
-    for name, ends in points.items():
-        tips = ends[:, -1, POSITION]
-        depths = -clearances(tips, episode.ran("obstacles"), radius.get(name, 0.0))
+    for name, points, radius in places:
+        depths = -clearances(points, episode.ran("obstacles"), radius)
         within = np.flatnonzero(depths > 0.0)
         if len(within):
             first = (within[0] + 1) / episode.arm.control_rate

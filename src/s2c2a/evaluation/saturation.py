@@ -41,8 +41,8 @@ def describe_saturation(
     module, cable = np.unravel_index(counts.argmax(), counts.shape)
     return (
         f"commands were at a limit of their range in {100 * share:.3g} % of the steps, "
-        f"most often cable {cable + 1} of module {module + 1}: goals nearer to the rest "
-        f"need less, and a larger {key} in the arm file allows more, if the arm bears it"
+        f"most often cable {cable + 1} of module {module + 1}: motion nearer to rest "
+        f"needs less, and a larger {key} in the arm file allows more, if the arm bears it"
     )
 
 

@@ -125,7 +125,7 @@ def describe_disagreement(episode: Episode) -> str:
     return (
         f"the tip was {distance:.1f} mm from its predictions, which state {stated:.1f} "
         "mm: if nothing hangs at the arm or pushes it, it has changed since the training; "
-        "run `s2c2a session` with its weights"
+        "with weights of `s2c2a train`, run `s2c2a session`"
     )
 
 

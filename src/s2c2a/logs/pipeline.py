@@ -387,11 +387,11 @@ def _describe(fitted: _Fitted, log_map: LogMap, arm: ArmSpec | None) -> Imported
     undetermined = undetermined_numbers(fit, observations.columns, log_map)
     unusual = unusual_numbers(fit, fitted.start, log_map)
     diagnosis = diagnose_map(fitted.takes, log_map, given)
+    missed = missed_share(fit, observations)
     contradictions = [describe_contradictions(fit.parameters, observations)]
-    if not diagnosis:
+    if not diagnosis and missed < POOR:  # angles of a poor fit mean nothing
         identified = Identified.of(fit, assignment, observations.axes)
         contradictions.append(describe_angles(identified, log_map))
-    missed = missed_share(fit, observations)
     # a drive of another unit hardly moves, or lets others seem to
     still = still_drives(observations.columns, log_map)
     if not diagnosis and (missed > POOR or unusual or still):
