@@ -176,7 +176,7 @@ RANDOMIZED: dict[str, tuple[str, dict[str, Any]]] = {
         {"arms": 10, "strength": 0.5},
     ),
     "randomised-arms-strong": (
-        "the same, of strength 1",
+        "randomised-arms with arms of strength 1",
         {
             "arms": 3,
             "strength": 1.0,

@@ -48,7 +48,9 @@ def test_a_sensor_that_does_not_exist_is_refused(sensing, reason, checked):
 def test_a_package_that_a_sensor_needs_is_asked_for(twin, checked, monkeypatch):
     sensors = twin.sensors.model_copy(update={"imu": Inertial()})
     monkeypatch.setattr("s2c2a.cli.arm.find_spec", lambda name: None)
-    assert "[sensors.imu] needs the package vqf" in checked(sensors=sensors)
+    output = checked(sensors=sensors)
+    assert "further sensors: imu" in output
+    assert "[sensors.imu] needs the package vqf" in output
 
 
 def test_unusual_values_are_asked_about(twin, checked):

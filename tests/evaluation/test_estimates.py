@@ -48,5 +48,12 @@ def test_a_step_is_described_likewise(is_rejected, ending):
     assert describe_step_estimates(diagnostics) == text + ending
 
 
+def test_a_filter_that_estimates_nothing_says_so():
+    rejected = {"rejected.imu": np.zeros(4)}
+    nothing = {"payload": np.zeros(4), "bend_biases": np.zeros((4, 3, 2))}
+    episode = made_up(4, external_force=np.zeros(4), **nothing, **rejected)
+    assert describe_estimates(episode) == "no payload or bend bias is estimated"
+
+
 def test_a_step_without_an_estimator_has_no_description():
     assert describe_step_estimates({"payload": np.array(0.0)}) == ""

@@ -35,7 +35,7 @@ from s2c2a.planning import Outcome
         ),
         (
             {"outcome": np.array([0, Outcome.PASSING, Outcome.PASSING, 0])},
-            "an obstacle on the path of the target kept the tip off in 2 of 4 steps",
+            "an obstacle on or near the path of the target kept the tip off in 2 of 4 steps",
         ),
     ],
 )

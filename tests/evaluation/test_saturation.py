@@ -28,8 +28,11 @@ def test_the_share_and_the_most_limited_cable_are_named(dtype):
     assert describe_saturation(TWIN, actions) == (
         "commands were at a limit of their range in 25 % of the steps, most often "
         "cable 2 of module 3: motion nearer to rest needs less, and a larger "
-        "cable.travel in the arm file allows more, if the arm bears it"
+        "cable.travel in the arm file allows more, if the arm bears it, after new training"
     )
+    rare = np.zeros((100, 3, 3), dtype)
+    rare[:2] = high
+    assert describe_saturation(TWIN, rare) == ""
 
 
 def test_a_command_that_the_limiter_cuts_counts_and_one_that_it_slows_does_not():

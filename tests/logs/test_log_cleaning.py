@@ -44,7 +44,7 @@ def test_jumps_are_excluded_and_reported_and_others_are_kept(
     takes, excluded = exclude_outliers(_read_takes([damaged], log_map), log_map)
     poses = 500 if tip_only else 1500
     assert str(excluded) == (
-        f"excluded 4 of {poses} poses: 4 marker jumps; first rows 12, 40, 77 "
+        f"excluded 4 of {poses} poses: 4 marker jumps; first in rows 12, 40, 77 "
         "(docs/guides/import.md)"
     )
     unknown = np.isnan(takes[0].positions).any(axis=-1)

@@ -80,6 +80,8 @@ def check(arm: File) -> None:
             f"unusual: a damping ratio below {USUAL_DAMPING:g} lets the arm vibrate "
             "for minutes; check damping_time [s]"
         )
+    if sensors := [name for name, value in spec.sensors if value]:
+        print(f"further sensors: {', '.join(sensors)}")
     if spec.actuation != "displacement":
         print(_full_bends(spec))
     if spec.servos is not None:

@@ -263,14 +263,13 @@ def _part_cells(
         cells["misses by deg"] = f"{turns.max():.1f}"
     if np.isfinite(reached.clearances).all():
         clearance = 100.0 * reached.clearances[part].min()
-        cells["clearance cm"] = f"{clearance:.2f}"
+        cells["clearance cm"] = f"{clearance:z.2f}"
     return cells
 
 
 def _place(position: np.ndarray) -> str:
-    rounded = np.round(position, 3) + 0.0  # no negative zero
-    return f"({', '.join(f'{coordinate:.3f}' for coordinate in rounded)}) m"
+    return f"({', '.join(f'{coordinate:z.3f}' for coordinate in position)}) m"
 
 
 def _centimeters(length: float) -> str:
-    return f"{100.0 * length:.2f} cm"
+    return f"{100.0 * length:z.2f} cm"

@@ -116,7 +116,7 @@ def run(
         seeds: number of seeds; several run in parallel.
         payload: mass at the tip of the simulated arm [kg].
         event: a disturbance during the run of the simulated arm, such as "6 payload
-            0.05" or "10 force 0.3 0 0" (docs/guides/sensors.md); repeat for several.
+            0.05" or "10 force 0.3 0 0" (docs/concepts/simulator.md); repeat for several.
         known_payload: mass at the tip that the strategy knows of [kg].
         disturbance_estimation: estimate payload and bend biases from sensors
             (docs/guides/sensors.md).
@@ -449,4 +449,5 @@ def _report(runs: "Sequence[jobs.Run]", directory: Path, title: str) -> None:
     length = runs[0].job.arm.length
     for row in rows:
         if row.metric == "position":
-            print(f"{row.strategy}: {row.mean / length:.1f} % of the arm's length")
+            share = row.mean / length
+            print(f"{row.strategy}: position error {share:.1f} % of the arm's length")

@@ -31,6 +31,16 @@ class Samples:
         inputs = {name: values[rows] for name, values in self.inputs.items()}
         return Samples(inputs, self.targets[rows])
 
+    @classmethod
+    def joined(cls, parts: Sequence["Samples"]) -> "Samples":
+        """Samples of several parts, in single precision."""
+        inputs = {
+            key: np.concatenate([part.inputs[key] for part in parts]).astype(np.float32)
+            for key in parts[0].inputs
+        }
+        targets = np.concatenate([part.targets for part in parts])
+        return cls(inputs, targets.astype(np.float32))
+
 
 @dataclass(frozen=True)
 class Split:
@@ -223,14 +233,4 @@ def history_samples(
         return Samples(inputs, sent[steps])
 
     parts = stretches(_lengths_of(actions, lengths))
-    return Split(*(_joined([windows(*each) for each in part]) for part in parts))
-
-
-def _joined(parts: list[Samples]) -> Samples:
-    """Samples of several stretches, in single precision."""
-    inputs = {
-        key: np.concatenate([part.inputs[key] for part in parts]).astype(np.float32)
-        for key in parts[0].inputs
-    }
-    targets = np.concatenate([part.targets for part in parts])
-    return Samples(inputs, targets.astype(np.float32))
+    return Split(*(Samples.joined([windows(*each) for each in part]) for part in parts))

@@ -68,6 +68,8 @@ def _estimator_sensors(columns: Mapping[str, np.ndarray]) -> list[str]:
 def _describe(
     payload: float, bend_biases: Float[np.ndarray, "*batch modules 2"], force: float
 ) -> str:
+    if not (payload or np.any(bend_biases)):
+        return "no payload or bend bias is estimated"
     biases_deg = np.rad2deg(np.linalg.norm(bend_biases, axis=-1))
     return (
         f"payload {1000 * payload:.0f} g, "

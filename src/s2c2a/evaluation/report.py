@@ -27,10 +27,10 @@ PLAN_OUTCOMES = {
     Outcome.OUT_OF_REACH: "the planner came no nearer to its goal",
     Outcome.BLOCKED: "the planner found no free way to its goal",
     Outcome.OVERLOADED: "the planner found the arm overloaded",
-    Outcome.PASSING: "an obstacle on the path of the target kept the tip off",
+    Outcome.PASSING: "an obstacle on or near the path of the target kept the tip off",
 }
 """What the planner did in a step; plans that reach their goal or move are not reported."""
-MAX_UNTRACKED = 2.0  # % of the steps without a state; the last one always lacks it
+RARE = 2.0  # % of the steps; not reported: the last one always lacks a state
 
 
 @dataclass(frozen=True)
@@ -179,7 +179,7 @@ def describe_lost_states(states: Float[np.ndarray, "*batch modules 6"]) -> str:
     texts = [
         f"module {module} in {share:.3g} %"
         for module, share in enumerate(shares, 1)
-        if share > MAX_UNTRACKED
+        if share > RARE
     ]
     return f"ends not tracked: {', '.join(texts)} of the steps" if texts else ""
 

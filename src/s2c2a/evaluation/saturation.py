@@ -7,6 +7,7 @@ from s2c2a.arm import ArmSpec
 from s2c2a.arm.geometry import cables_present
 from s2c2a.arm.spec import REQUIRED
 from s2c2a.episodes import Episode
+from s2c2a.evaluation.report import RARE
 from s2c2a.runtime.limits import EQUAL, command_range
 
 
@@ -20,7 +21,7 @@ def describe_saturation(
         actions: that were sent [m or N].
 
     Returns:
-        A sentence; empty if no command was at a limit.
+        A sentence; empty if hardly a command was at a limit (`RARE`).
     """
     steps = actions.reshape(-1, arm.module_count, arm.cable_count)
     low, high = command_range(arm)
@@ -29,20 +30,21 @@ def describe_saturation(
     is_low = (steps <= low + tolerance) & (low != 0.0)
     is_high = steps >= high - tolerance
     is_limited = (is_low | is_high) & cables_present(arm)
-    if not is_limited.any():
+    limited = is_limited.any(axis=(1, 2))
+    if 100 * limited.sum() <= RARE * len(limited):
         return ""
     key = "cable.travel"  # of the arm file, that limits commands
     if arm.actuation != "displacement":
         key = REQUIRED[arm.actuation][0]
     elif arm.servos is not None and arm.servos.limits.displacement is not None:
         key = "cable.travel or servos.limits.displacement"
-    share = is_limited.any(axis=(1, 2)).mean()
     counts = is_limited.sum(axis=0)
     module, cable = np.unravel_index(counts.argmax(), counts.shape)
     return (
-        f"commands were at a limit of their range in {100 * share:.3g} % of the steps, "
+        f"commands were at a limit of their range in {100 * limited.mean():.3g} % of the steps, "
         f"most often cable {cable + 1} of module {module + 1}: motion nearer to rest "
-        f"needs less, and a larger {key} in the arm file allows more, if the arm bears it"
+        f"needs less, and a larger {key} in the arm file allows more, if the arm bears "
+        "it, after new training"
     )
 
 

@@ -17,6 +17,7 @@ from s2c2a.models.session_fit import (
     SessionFit,
     samples_per_independent_one,
 )
+from s2c2a.planning import SIGNIFICANT
 from s2c2a.runtime import StepRecord, build_episode
 from s2c2a.spaces import POSITION
 
@@ -66,7 +67,11 @@ def describe_session(fit: SessionFit, arm: ArmSpec) -> list[str]:
             unclear[cause] = names
     if unclear:
         is_changed = _is_distinct(*fit.posterior.part(*chain(*unclear.values())))
-        told = "one of them changed" if is_changed else "not distinguishable from none"
+        told = (
+            "changed, alone or together"
+            if is_changed
+            else "not distinguishable from none"
+        )
         lines.append(f"{' or '.join(unclear)}: {told}")
     return lines
 
@@ -81,7 +86,7 @@ def describe_disagreement(episode: Episode) -> str:
 
     The squared errors, relative to the stated variance (the normalized innovation
     squared), are compared with the chi-square distribution of as many independent
-    samples as the run has.
+    samples as the run has. An error that is insignificant (`SIGNIFICANT`) counts not.
 
     Returns:
         Empty where they agree or do not count.
@@ -121,6 +126,8 @@ def describe_disagreement(episode: Episode) -> str:
     if (relative**2).sum() / time <= chdtri(freedom, UNLIKELY):
         return ""
     distance = 1000 * np.sqrt((errors[known] ** 2).sum(axis=-1).mean())
+    if distance <= 1000 * SIGNIFICANT * episode.arm.length:
+        return ""
     stated = 1000 * np.sqrt((std[known] ** 2).mean())
     return (
         f"the tip was {distance:.1f} mm from its predictions, which state {stated:.1f} "

@@ -184,14 +184,9 @@ def summary_of(job: Job) -> dict[str, str]:
     }
 
 
-def trace_of(run: Run, label: str | None = None) -> Trace:
-    """The trace of a run, for figures.
-
-    Args:
-        run: to draw.
-        label: the strategy's name if None.
-    """
-    trace = Trace(run.episode, label or run.strategy)
+def trace_of(run: Run) -> Trace:
+    """The trace of a run, for figures."""
+    trace = Trace(run.episode, run.strategy)
     module = trace.followed_module
     # a score counts modules from the base or, with negative numbers, from the end
     followed = (module, module - trace.episode.arm.module_count)

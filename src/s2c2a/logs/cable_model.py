@@ -84,10 +84,9 @@ def stiffness_matrix(parameters: CableParameters) -> Numbers:
     return jnp.kron(elastic + gravity, jnp.eye(2))
 
 
-def gravity_matrix(
-    modules: int, points: int = 20
-) -> Float[np.ndarray, "modules modules"]:
+def gravity_matrix(modules: int) -> Float[np.ndarray, "modules modules"]:
     """Hessian of a uniform hanging chain's potential by bends, largest entry one."""
+    points = 20  # of a module, for the integral
     along = (np.arange(modules * points) + 0.5) / points
     slopes = np.clip(along[:, None] - np.arange(modules), 0.0, 1.0)
     matrix = np.einsum("s,sj,sk->jk", modules - along, slopes, slopes)

@@ -37,7 +37,7 @@ class Excluded:
             return ""
         return (
             f"excluded {found.count} of {found.measured.sum()} poses: {found.kinds}; "
-            f"first rows {self.rows} (docs/guides/import.md)"
+            f"first in rows {self.rows} (docs/guides/import.md)"
         )
 
 
@@ -119,7 +119,7 @@ def _describe_excess(
     worst = int(np.argmax(found.shares))
     return (
         f"{100 * found.shares[worst]:.0f} % of the poses of the end of module "
-        f"{modules[worst] + 1} cannot be true ({found.kinds}; first rows {rows}), and at "
+        f"{modules[worst] + 1} cannot be true ({found.kinds}; first in rows {rows}), and at "
         f"most {100 * MAX_SHARE:.0f} % are excluded; check the columns and units of the "
         'ends, and the tracking of these rows, or set outliers = "keep" in [rows] to '
         "import them as they are"

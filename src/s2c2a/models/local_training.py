@@ -169,7 +169,7 @@ class LocalOptions(ChainOptions):
             process = blank.process
         process = replace(process, scale=scale)
         model = replace(blank, process=process)
-        unseen = _given(model, _joined(split.training, split.validation))
+        unseen = _given(model, Samples.joined([split.training, split.validation]))
         trained = evaluated(unseen, result.curve, predicted_targets, split)
         network = self._with_region(model, split)
         return replace(trained, network=network, errors=tip_errors)
@@ -202,7 +202,7 @@ def _judged(
     deviations = []
     held_out = split.validation, split.test
     for judged, other in (held_out, held_out[::-1]):
-        process = _given(model, _joined(split.training, other)).process
+        process = _given(model, Samples.joined([split.training, other])).process
         features = _features(model, judged)
         residual = _residual(model, judged)
         means = np.asarray(process(jnp.asarray(features, jnp.float32)))
@@ -289,9 +289,3 @@ def _reach(data: TrainingData) -> float:
     # the z component of a configuration is the cosine of its bend
     smallest_cosine = np.clip(np.min(data.sensed[..., 2]), -1.0, 1.0)
     return max(float(np.arccos(smallest_cosine)), MIN_REACH)
-
-
-def _joined(*parts: Samples) -> Samples:
-    inputs = np.concatenate([part.inputs["configurations"] for part in parts])
-    targets = np.concatenate([part.targets for part in parts])
-    return Samples({"configurations": inputs}, targets)

@@ -17,7 +17,7 @@ from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from s2c2a.errors import S2C2AError
 from s2c2a.files.text import write_atomically
 from s2c2a.obstacles import THRESHOLD, is_half_space, is_sphere
-from s2c2a.viz.arrays import Obstacles, Points, Series
+from s2c2a.viz.arrays import Obstacles, Points
 from s2c2a.viz.colors import (
     DESIRED,
     FAINT,
@@ -248,17 +248,13 @@ def titled_view(
     return axes, nearest
 
 
-def named(label: str, errors: np.ndarray, unit: str, digits: int) -> str:
-    """Label with the mean and standard deviation of the finite errors."""
+def named_error(trace: Trace) -> str:
+    """Label of a trace with mean and standard deviation of its finite, counted errors."""
+    errors = 100 * trace.counted_errors
     finite = errors[np.isfinite(errors)]
     if not finite.size:
-        return label
-    return f"{label}   {finite.mean():.{digits}f} ± {finite.std():.{digits}f}{unit}"
-
-
-def named_error(trace: Trace) -> str:
-    """Label of a trace with the error over its counted steps."""
-    return named(trace.label, 100 * trace.counted_errors, " cm", 2)
+        return trace.label
+    return f"{trace.label}   {finite.mean():.2f} ± {finite.std():.2f} cm"
 
 
 def draw_lines(
@@ -266,16 +262,14 @@ def draw_lines(
     traces: Sequence[Trace],
     colors: Colors,
     shown: Callable,
-    name=named_error,
 ) -> None:
-    """Draw a line for each trace, the first in front.
+    """Draw a line for each trace, labeled with its error; the first in front.
 
     Args:
         axes: axes to draw in.
         traces: runs of the same task.
         colors: color of each label.
         shown: maps a trace to the x and y of its line.
-        name: maps a trace to its label.
     """
     for rank, trace in enumerate(traces):
         style: dict[str, Any] = {
@@ -283,42 +277,29 @@ def draw_lines(
             "linewidth": 1.4,
             "zorder": FRONT - rank,
         }
-        axes.plot(*shown(trace), label=name(trace), **style)
+        axes.plot(*shown(trace), label=named_error(trace), **style)
 
 
-def draw_over_time(
-    axes: Axes,
-    traces: Sequence[Trace],
-    desired: Series,
-    values: Callable,
-    name=named_error,
-) -> None:
-    """Draw a quantity of each trace over time, above its desired value.
-
-    Args:
-        axes: axes to draw in; its limits are set.
-        traces: runs of the same task, the first in front.
-        desired: desired values of the first trace.
-        values: maps a trace to its values, shape (time,).
-        name: maps a trace to its label.
-    """
+def draw_coordinate(axes: Axes, traces: Sequence[Trace], axis: int) -> None:
+    """Draw one coordinate of the followed end over time, above its desired value."""
+    desired = traces[0].desired_path[:, axis]
     label = "desired" if np.isfinite(desired).any() else None
     axes.plot(traces[0].times, desired, label=label, **DESIRED_LINE)
     colors = colors_by_label(trace.label for trace in traces)
-    draw_lines(axes, traces, colors, lambda trace: (trace.times, values(trace)), name)
-    shown = np.concatenate([desired, *map(values, traces)])
-    axes.set_ylim(*padded_limits(shown))
+    draw_lines(
+        axes, traces, colors, lambda one: (one.times, one.followed_path[:, axis])
+    )
+    followed = (trace.followed_path[:, axis] for trace in traces)
+    axes.set_ylim(*padded_limits(np.concatenate([desired, *followed])))
 
 
-def draw_errors(
-    axes: Axes, traces: Sequence[Trace], colors: Colors, name=named_error
-) -> None:
+def draw_errors(axes: Axes, traces: Sequence[Trace], colors: Colors) -> None:
     """Draw position errors [cm] over time and shade the uncounted steps."""
 
     def errors_over_time(trace: Trace):
         return trace.times, 100 * trace.position_errors
 
-    draw_lines(axes, traces, colors, errors_over_time, name)
+    draw_lines(axes, traces, colors, errors_over_time)
     axes.set_ylim(bottom=0)
     for start, end in traces[0].uncounted_spans:
         axes.axvspan(start, end, color=UNCOUNTED, linewidth=0, label="not counted")

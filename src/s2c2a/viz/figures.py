@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float
-from matplotlib.axes import Axes
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
@@ -74,7 +73,7 @@ def run_figure(
     place = grid[:, 1]
     above, view = charts.titled_view(figure, place, Mounting.of(arm), ABOVE)
     for axis, axes in enumerate(coordinates):
-        draw_coordinate(axes, traces, axis)
+        charts.draw_coordinate(axes, traces, axis)
     charts.draw_errors(error, traces, colors)
     predicted = next((trace for trace in traces if trace.has_band), None)
     if predicted is not None:
@@ -90,16 +89,6 @@ def run_figure(
     module = f"end of module {traces[0].followed_module + 1} of {arm.module_count}"
     headline(coordinates[0], f"{title or arm.name}: {module}")
     return save_figure(figure, path)
-
-
-def draw_coordinate(axes: Axes, traces: Sequence[Trace], axis: int) -> None:
-    """Draw one coordinate of the followed end over time, above its desired value."""
-    charts.draw_over_time(
-        axes,
-        traces,
-        traces[0].desired_path[:, axis],
-        lambda trace: trace.followed_path[:, axis],
-    )
 
 
 def recording_figure(states: States, arm: ArmSpec, path: str | Path) -> Path:

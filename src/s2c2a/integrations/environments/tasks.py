@@ -232,7 +232,8 @@ class Avoid(Reach):
             [module.radius for module in self.arm.modules],
             CENTER_LINE_POINTS,
         )
-        centers, radii = moment.obstacles[:, None, :3], moment.obstacles[:, 3:]
+        centers = moment.obstacles[:, None, :3]
+        radii = moment.obstacles[:, 3:]
         distances = np.linalg.norm(points - centers, axis=-1)
         return np.maximum(radii + body - distances, 0.0).max(axis=-1)
 

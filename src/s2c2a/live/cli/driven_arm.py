@@ -48,8 +48,8 @@ class _DrivenArm(_DrivenRobot):
 
     Attributes:
         weights: files from `s2c2a train`, or "shipped" for the networks of the package;
-            the first one drives. By default shipped networks for a preset, and `pcc`
-            for an arm of your own.
+            the first one drives. By default shipped networks for an arm that has
+            them, and `pcc` for others.
         guard: what avoids obstacles: the tip, or the whole arm.
         release_after: time without a driver until the arm returns to rest [s]; until
             then it holds its position.
