@@ -1,6 +1,6 @@
 """Exceptions of the package, all derived from one base, and suggestions in them."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 
 MAX_NAME_LENGTH = 64  # of a name from a user, which may be a whole file
@@ -87,6 +87,13 @@ def counted(count: int, noun: str) -> str:
         return f"1 {noun}"
     plural = noun.removesuffix("y") + "ies" if noun.endswith("y") else noun + "s"
     return f"{count} {plural}"
+
+
+def listed(texts: Sequence[str], separator: str = ", ") -> str:
+    """The first texts in a sentence, and how many more there are."""
+    more = len(texts) - MAX_SHOWN
+    shown = separator.join(texts[:MAX_SHOWN])
+    return f"{shown} and {more} more" if more > 0 else shown
 
 
 def nearest_name(name: str, known: Iterable[str]) -> str:

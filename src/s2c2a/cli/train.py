@@ -15,7 +15,7 @@ from s2c2a.cli.console import (
 )
 from s2c2a.cli.dependent_options import effective
 from s2c2a.cli.execution import uses_recipe
-from s2c2a.errors import StrategyError
+from s2c2a.errors import StrategyError, listed
 from s2c2a.execution.executors import limit_jax_to_one_thread
 
 if TYPE_CHECKING:
@@ -121,7 +121,7 @@ def _trained(
     if spec is not None and spec.differences(data.arm):
         raise StrategyError(
             f"{recording} is of '{data.arm.name}', which differs from {arm} in "
-            f"{', '.join(spec.differences(data.arm))}; leave out --arm, or give the arm "
+            f"{listed(spec.differences(data.arm))}; leave out --arm, or give the arm "
             "file that it was recorded with"
         )
 

@@ -20,7 +20,7 @@ from s2c2a.data.recording import Recording, load_recording
 from s2c2a.episodes import Episode, EpisodeWriter
 from s2c2a.episodes.episode import SENSOR
 from s2c2a.episodes.file import ENDING
-from s2c2a.errors import RecordingError, RobotError, did_you_mean
+from s2c2a.errors import RecordingError, RobotError, did_you_mean, listed
 from s2c2a.execution.executors import Serial, Threads, in_order
 from s2c2a.files.text import MAX_COUNT, MAX_SEED, check_replaceable, is_seed
 from s2c2a.measurements.outliers import MeasuredEnds, find_outliers
@@ -167,10 +167,10 @@ def _open_writer(
     ]
     if differences:
         writer.close()
-        shown = "; ".join(differences)
         raise RecordingError(
             f"{path} was started with another arm or other options "
-            f"({shown}); resume it with the same ones, or replace it (--overwrite)"
+            f"({listed(differences, '; ')}); resume it with the same ones, or replace it "
+            "(--overwrite)"
         )
     return writer
 

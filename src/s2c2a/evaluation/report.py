@@ -14,7 +14,7 @@ from pydantic import ConfigDict
 
 from s2c2a.arm import ArmGeometry
 from s2c2a.episodes import Episode
-from s2c2a.errors import MAX_SHOWN, counted
+from s2c2a.errors import counted, listed
 from s2c2a.evaluation.metrics import clearances
 from s2c2a.files.text import atomic_write, write_atomically
 from s2c2a.kinematics import bends_from_configurations
@@ -137,11 +137,9 @@ def describe_faults(episode: Episode) -> str:
         return ""
     held = int((episode.columns["stage"] == Stage.HOLD).sum())
     late = episode.options.get("late_steps", 0)
-    shown = "; ".join(faults[:MAX_SHOWN])
-    more = "; ..." if len(faults) > MAX_SHOWN else ""
     return (
         f"the arm was held in {counted(held, 'step')} because of faults "
-        f"({shown}{more}); {counted(late, 'step')} began late"
+        f"({listed(faults, '; ')}); {counted(late, 'step')} began late"
     )
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from s2c2a.episodes import save_episodes
 from s2c2a.episodes.file import ENDING
-from s2c2a.errors import MAX_SHOWN, S2C2AError
+from s2c2a.errors import S2C2AError, listed
 from s2c2a.evaluation.report import Row, save_csv, save_rows
 from s2c2a.execution.versions import versions
 from s2c2a.files.text import (
@@ -89,10 +89,8 @@ def _clear(folder: Path, overwrite: bool, resume: bool) -> None:
         raise S2C2AError(f"{folder} is a file; choose another --out")
     others = unlisted_files(folder)
     if others:
-        shown = ", ".join(others[:MAX_SHOWN])
-        more = f" and {len(others) - MAX_SHOWN} more" if len(others) > MAX_SHOWN else ""
         raise S2C2AError(
-            f"{folder} holds {shown}{more}, which no run of this package wrote there; "
+            f"{folder} holds {listed(others)}, which no run of this package wrote there; "
             "--overwrite deletes the files of a run only: move the others away, or "
             "choose another --out"
         )

@@ -13,7 +13,7 @@ from pydantic import TypeAdapter
 
 import s2c2a
 from s2c2a.arm import ArmSpec, arm_from_toml, arm_to_toml
-from s2c2a.errors import S2C2AError, StrategyError
+from s2c2a.errors import S2C2AError, StrategyError, listed
 from s2c2a.estimation import MODAL_MODEL, EncoderOnly
 from s2c2a.estimation.sensor_models import PREFIX
 from s2c2a.files.text import check_replaceable
@@ -110,7 +110,7 @@ def load_networks(
     if arm is not None and arm.differences(trained_for):
         raise StrategyError(
             f"{path} was trained for '{trained_for.name}', which differs from "
-            f"'{arm.name}' in {', '.join(arm.differences(trained_for))}; train one for "
+            f"'{arm.name}' in {listed(arm.differences(trained_for))}; train one for "
             "this arm with `s2c2a train`"
         )
     with damaged(path):

@@ -18,7 +18,7 @@ from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.arm.randomized import without_mismatch
 from s2c2a.control import Controller, CorrectedController
 from s2c2a.data import CollectOptions, Recording
-from s2c2a.errors import RecordingError, StrategyError, counted
+from s2c2a.errors import RecordingError, StrategyError, counted, listed
 from s2c2a.estimation import MODAL_MODEL, EstimationSettings, StateEstimator
 from s2c2a.models.forward_model import ForwardModel
 from s2c2a.planning import Guard, Planner, PlannerOptions
@@ -178,7 +178,7 @@ def check_prior(start: TrainedNetworks, arm: ArmSpec, recipe: Recipe) -> None:
     if arm.differences(seen):
         raise StrategyError(
             f"the prior is of '{seen.name}', which differs from '{arm.name}' in "
-            f"{', '.join(arm.differences(seen))}; make one of this arm with "
+            f"{listed(arm.differences(seen))}; make one of this arm with "
             f"`s2c2a pretrain`"
         )
     ours = start.recipe.by_class

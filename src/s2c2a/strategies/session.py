@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError
 
 from s2c2a.data import Recording
-from s2c2a.errors import RecordingError, StrategyError, counted
+from s2c2a.errors import RecordingError, StrategyError, counted, listed
 from s2c2a.files.json_files import load_json, save_json
 from s2c2a.files.text import LARGEST
 from s2c2a.models.forward_model import ForwardModel
@@ -114,7 +114,7 @@ def measured_session(
     if networks.arm.differences(arm):
         raise StrategyError(
             f"{weights} was trained for '{networks.arm.name}', and the recording is of "
-            f"'{arm.name}', which differs in {', '.join(networks.arm.differences(arm))}"
+            f"'{arm.name}', which differs in {listed(networks.arm.differences(arm))}"
         )
     date = date or datetime.now(UTC)
     was = None

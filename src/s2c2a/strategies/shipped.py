@@ -8,7 +8,7 @@ from importlib import resources
 from pathlib import Path
 
 from s2c2a.arm import ArmSpec
-from s2c2a.errors import StrategyError
+from s2c2a.errors import StrategyError, listed
 from s2c2a.strategies.checkpoint import SHIPPED
 from s2c2a.strategies.files import load_networks, stated_errors
 from s2c2a.strategies.recipe import recipe_named
@@ -37,7 +37,7 @@ def shipped_file(arm: ArmSpec) -> Iterator[Path]:
     nearest = min(others, key=lambda name: len(others[name]))
     raise StrategyError(
         f"no trained networks come with the package for '{arm.name}', which differs from "
-        f"'{nearest}' in {', '.join(others[nearest])}; collect data with "
+        f"'{nearest}' in {listed(others[nearest])}; collect data with "
         "`s2c2a collect`, train with `s2c2a train`, and give the file with --weights"
     )
 

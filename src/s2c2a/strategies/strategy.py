@@ -18,7 +18,8 @@ class Strategy:
     """State estimator, planner and controller of one arm.
 
     The control loop (`runtime.Loop`) calls `estimate`, `plan` and `act` in every control
-    step. Nothing compiles after the strategy is built.
+    step. Building it compiles them; an estimator that uses more sensors than encoders is
+    compiled by `start`.
 
     Attributes:
         name: such as "s2c2a".
