@@ -7,14 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from s2c2a.errors import S2C2AError
-from s2c2a.runtime.stages import (
-    Patience,
-    Phase,
-    StepRequest,
-    next_phase,
-    with_fault,
-    with_release,
-)
+from s2c2a.runtime.stages import Patience, Phase, StepRequest, next_phase, with_release
 from s2c2a.spaces import Stage
 
 IDLE, START, RUN, HOLD, RELEASE, FAULT = Stage
@@ -100,10 +93,6 @@ def after(phase, now):
 )
 def test_every_transition_leads_to_its_stage(stage, counters, situation, expected):
     assert after(Phase(stage, **counters), situation).stage is expected
-
-
-def test_an_error_leads_to_a_fault_from_any_stage():
-    assert {with_fault(Phase(stage)).stage for stage in Stage} == {FAULT}
 
 
 def test_an_arm_can_be_released_unless_it_is_at_rest_or_in_a_fault():

@@ -30,15 +30,7 @@ from s2c2a.runtime.emergency import EMERGENCY_STOP, EmergencyStop, EmergencyStop
 from s2c2a.runtime.interrupts import ignored_interrupts
 from s2c2a.runtime.limits import CommandLimiter, CommandLimits, arm_at
 from s2c2a.runtime.record import StepRecord
-from s2c2a.runtime.stages import (
-    Patience,
-    Phase,
-    StepRequest,
-    next_phase,
-    with_fault,
-    with_hold,
-    with_release,
-)
+from s2c2a.runtime.stages import Patience, Phase, StepRequest, next_phase, with_release
 from s2c2a.spaces import Actions, Reading, Stage
 
 LATE = 0.1  # of a control period, for a count of late steps alone
@@ -234,7 +226,7 @@ class Loop:
 
     def stop(self, error: BaseException) -> None:
         """Stop the arm where it is because of an error, until it is opened again."""
-        self.phase = with_fault(self.phase)
+        self.phase = replace(self.phase, stage=Stage.FAULT)
         self.fault = str(error) or type(error).__name__
         self._stopped = True
         if isinstance(error, EmergencyStopError):
@@ -345,7 +337,7 @@ class Loop:
         if pause <= self._period + self._patience.standstill:
             return
         self.standstill = f"the program stood still for {pause:.1f} s"
-        self.phase = with_hold(self.phase)
+        self.phase = replace(self.phase, stage=Stage.HOLD)
         self.fault = self.standstill
 
     @contextmanager

@@ -145,18 +145,8 @@ def next_phase(
     return Phase(stage, unsound_steps, unattended_steps, ends_in_fault)
 
 
-def with_fault(phase: Phase) -> Phase:
-    """Return the phase after an error of the robot or of the controller."""
-    return replace(phase, stage=Stage.FAULT)
-
-
 def with_release(phase: Phase) -> Phase:
     """Return the phase of an arm that moves to rest; one that is stopped stays so."""
     if phase.stage in (Stage.FAULT, Stage.IDLE):
         return phase
     return replace(phase, stage=Stage.RELEASE)
-
-
-def with_hold(phase: Phase) -> Phase:
-    """Return the phase of an arm in motion that is held."""
-    return replace(phase, stage=Stage.HOLD)
