@@ -29,7 +29,6 @@ class Fidelity:
     """Discretization of the chain.
 
     Attributes:
-        name: name of the fidelity, as users type it.
         segments: rigid segments a module, a multiple of `CENTER_LINE_POINTS`, at which
             the center line is recorded.
         torsion: whether modules can twist about their own axis.
@@ -41,7 +40,6 @@ class Fidelity:
             more accurate and faster but stable for soft springs only; None: never.
     """
 
-    name: str
     segments: int
     torsion: bool
     routed_cables: bool
@@ -50,11 +48,8 @@ class Fidelity:
 
 
 FIDELITIES = {
-    "fast": Fidelity(
-        "fast", segments=5, torsion=False, routed_cables=False, time_step=0.005
-    ),
+    "fast": Fidelity(segments=5, torsion=False, routed_cables=False, time_step=0.005),
     "accurate": Fidelity(
-        "accurate",
         segments=10,
         torsion=True,
         routed_cables=True,
