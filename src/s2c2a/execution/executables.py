@@ -33,8 +33,8 @@ from pydantic import BaseModel
 
 from s2c2a.errors import S2C2AError
 from s2c2a.execution.cache import IMPORTED, cache_folder
-from s2c2a.execution.sources import KNOWN, PACKAGE
-from s2c2a.execution.versions import versions
+from s2c2a.execution.sources import KNOWN
+from s2c2a.execution.versions import PACKAGE, versions
 from s2c2a.files.text import write_atomically
 
 TRACED = re.compile(

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 from pydantic import BaseModel
 
-from s2c2a.execution.versions import PACKAGES
+from s2c2a.execution.versions import PACKAGE, PACKAGES
 from s2c2a.plugins.discovery import GROUPS, located
 
 KNOWN = set(PACKAGES)
@@ -31,7 +31,6 @@ PARSING = Lock()  # in several threads at once, Python 3.11 fails
 FOR_TYPES = "TYPE_CHECKING", "typing.TYPE_CHECKING"
 BLOCKS = ast.Module, ast.stmt, ast.excepthandler, ast.match_case
 """What statements stand in."""
-PACKAGE = Path(__file__).resolve().parents[1]
 
 
 def code_digest(*values: Any) -> str:

@@ -165,11 +165,10 @@ def draw_runs(folder: Path, runs: Sequence[Run]) -> list[Path]:
     if not traces:
         return []
     title = f"{first[0].task} with {arm.name}"
-    paths = [
+    return [
         run_figure(traces, arm, folder / f"{arm.name}.png", title),
         replay_page(traces, arm, title, folder / f"{arm.name}.html", summary),
     ]
-    return paths
 
 
 def summary_of(job: Job) -> dict[str, str]:
