@@ -15,7 +15,7 @@ from s2c2a.errors import S2C2AError
 from s2c2a.execution.cache import cache_folder
 from s2c2a.execution.executors import Processes, Serial, limit_jax_to_one_thread
 from s2c2a.plugins.discovery import resolve, trust_code
-from s2c2a.plugins.options import convert_option, named_parameters, options_from
+from s2c2a.plugins.options import options_from, options_of
 from s2c2a.robots.factory import NO_TRACKING, RobotFactory, robot_class
 
 if TYPE_CHECKING:
@@ -184,12 +184,7 @@ def stream_to(target: str, spec: "arm.ArmSpec") -> "Iterator[OnStep]":
     name, *given = target.split(",")
     trust_code(name)
     open_stream: Stream = resolve("stream", name, {})
-    parameters = named_parameters(open_stream)
-    options = {
-        key: convert_option(open_stream, parameters, key, value)
-        for key, value in options_from(given)
-    }
-    with open_stream(spec, **options) as on_step:
+    with open_stream(spec, **options_of(open_stream, given)) as on_step:
         yield on_step
 
 

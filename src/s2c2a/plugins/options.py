@@ -76,6 +76,15 @@ def convert_option(
         ) from error
 
 
+def options_of(cls: Callable, texts: Sequence[str]) -> dict[str, Any]:
+    """Parse and convert all options of a class: `options_from`, `convert_option`."""
+    parameters = named_parameters(cls)
+    return {
+        name: convert_option(cls, parameters, name, value)
+        for name, value in options_from(texts)
+    }
+
+
 def _declared_type(cls: Callable, parameter: Parameter) -> Any:
     """Annotation of a parameter, else the type of its default if that is a number."""
     function = cls.__init__ if isinstance(cls, type) else cls  # type: ignore[misc]

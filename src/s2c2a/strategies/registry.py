@@ -6,7 +6,7 @@ from dataclasses import asdict, replace
 from s2c2a.data import Recording
 from s2c2a.errors import StrategyError
 from s2c2a.plugins.components import Registry
-from s2c2a.plugins.options import convert_option, named_parameters, options_from
+from s2c2a.plugins.options import options_of
 from s2c2a.runtime import Driver
 from s2c2a.runtime.border import named_errors
 from s2c2a.strategies.options import NetworkProgress, RunOptions, StrategyOptions
@@ -35,11 +35,7 @@ def strategy_named(text: str) -> StrategyOptions:
     """
     name, *given = OPTION.split(text)
     kind = STRATEGIES.named(name)
-    parameters = named_parameters(kind)
-    options = {
-        key: convert_option(kind, parameters, key, value)
-        for key, value in options_from(given)
-    }
+    options = options_of(kind, given)
     with named_errors(StrategyError, f"strategy '{name}' cannot be made"):
         return kind(**options)
 
