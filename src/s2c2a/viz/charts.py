@@ -1,7 +1,7 @@
 """Common parts of figures: axes, legends, lines over time, views in space, saving."""
 
 import io
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.patches import Circle, Polygon
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
+from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
 from s2c2a.files.text import write_atomically
 from s2c2a.obstacles import THRESHOLD, is_half_space, is_sphere
@@ -27,7 +28,7 @@ from s2c2a.viz.colors import (
     UNCOUNTED,
     colors_by_label,
 )
-from s2c2a.viz.mounting import ABOVE, Mounting, View
+from s2c2a.viz.mounting import ABOVE, SIDE, Mounting, View
 from s2c2a.viz.solids import outline, surface
 from s2c2a.viz.trace import Trace
 
@@ -78,22 +79,6 @@ def new_time_axes(
         axes.append(panel)
     axes[-1].margins(x=0.01)
     figure.align_ylabels(axes)
-    return axes
-
-
-def view_axes(
-    figure: Figure,
-    place: SubplotSpec,
-    view: View,
-    backward: tuple[bool, bool] = (False, False),
-) -> Axes:
-    """Axes [m] with equal scales; a backward axis grows to the left or downward."""
-    right, up = ("xyz"[coordinate] for coordinate in view)
-    axes = new_axes(figure, place, f"{right} [m]", f"{up} [m]")
-    axes.set_aspect("equal", adjustable="datalim")
-    axes.locator_params(nbins=6, steps=[1, 2, 5, 10])
-    axes.xaxis.set_inverted(backward[0])
-    axes.yaxis.set_inverted(backward[1])
     return axes
 
 
@@ -227,7 +212,7 @@ def draw_obstacles_of_run(axes: Axes, trace: Trace, view: View) -> None:
 def titled_view(
     figure: Figure, place: SubplotSpec, mounting: Mounting, view: View, title: str = ""
 ) -> tuple[Axes, View]:
-    """Axes of a view of the world, and the base's axes in it.
+    """Axes [m] of a view of the world, with equal scales, and the base's axes in it.
 
     From above, they run to the right and upward as on paper; what that would mirror is
     seen from below. From the side, gravity acts downward, and axes that run backward are
@@ -237,7 +222,12 @@ def titled_view(
     if view == ABOVE:
         title = "from below" if backward[0] != backward[1] else "from above"
         backward = (False, False)
-    axes = view_axes(figure, place, nearest, backward)
+    right, up = ("xyz"[axis] for axis in nearest)
+    axes = new_axes(figure, place, f"{right} [m]", f"{up} [m]")
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.locator_params(nbins=6, steps=[1, 2, 5, 10])
+    axes.xaxis.set_inverted(backward[0])
+    axes.yaxis.set_inverted(backward[1])
     directions = ("to the left", "downward")
     notes = [
         f"{'xyz'[axis]} runs {direction}"
@@ -246,6 +236,16 @@ def titled_view(
     ]
     headline(axes, f"{title}; {', '.join(notes)}" if notes else title)
     return axes, nearest
+
+
+def side_and_above(
+    figure: Figure, arm: ArmSpec, title: str
+) -> Iterator[tuple[Axes, View]]:
+    """`titled_view` from the side, with a title, and beside it from above or below."""
+    grid = figure.add_gridspec(1, 2)
+    mounting = Mounting.of(arm)
+    yield titled_view(figure, grid[0], mounting, SIDE, title)
+    yield titled_view(figure, grid[1], mounting, ABOVE)
 
 
 def named_error(trace: Trace) -> str:
@@ -295,11 +295,7 @@ def draw_coordinate(axes: Axes, traces: Sequence[Trace], axis: int) -> None:
 
 def draw_errors(axes: Axes, traces: Sequence[Trace], colors: Colors) -> None:
     """Draw position errors [cm] over time and shade the uncounted steps."""
-
-    def errors_over_time(trace: Trace):
-        return trace.times, 100 * trace.position_errors
-
-    draw_lines(axes, traces, colors, errors_over_time)
+    draw_lines(axes, traces, colors, lambda one: (one.times, 100 * one.position_errors))
     axes.set_ylim(bottom=0)
     for start, end in traces[0].uncounted_spans:
         axes.axvspan(start, end, color=UNCOUNTED, linewidth=0, label="not counted")

@@ -16,7 +16,7 @@ from s2c2a.spaces import States
 from s2c2a.viz import charts, predictions
 from s2c2a.viz.charts import headline, new_axes, new_figure, save_figure, seen
 from s2c2a.viz.colors import INK, colors_by_label, module_colors
-from s2c2a.viz.mounting import ABOVE, SIDE, Mounting
+from s2c2a.viz.mounting import ABOVE, Mounting
 from s2c2a.viz.trace import Trace, check_same_arm
 
 MAX_SAMPLES = 60_000  # more than the 36,000 of `best-long`
@@ -114,11 +114,8 @@ def recording_figure(states: States, arm: ArmSpec, path: str | Path) -> Path:
         )
     shown = states[:: -(-len(states) // MAX_SAMPLES)]
     figure = new_figure(11.0, 5.6)
-    grid = figure.add_gridspec(1, 2)
-    titles = {SIDE: f"from the side, samples: {len(states):,}", ABOVE: ""}
-    for column, (view, title) in enumerate(titles.items()):
-        place = grid[column]
-        axes, nearest = charts.titled_view(figure, place, Mounting.of(arm), view, title)
+    title = f"from the side, samples: {len(states):,}"
+    for axes, nearest in charts.side_and_above(figure, arm, title):
         # draw all module ends; inner modules lie in front, for their clouds are small
         count = shown.shape[1]
         for module, color in enumerate(module_colors(count)):

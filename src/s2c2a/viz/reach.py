@@ -16,7 +16,7 @@ from s2c2a.spaces import CENTER_LINE_POINTS, POSITION, States
 from s2c2a.viz import charts
 from s2c2a.viz.arrays import Points
 from s2c2a.viz.colors import DESIRED, INK, MUTED, REAL, module_colors, pale
-from s2c2a.viz.mounting import ABOVE, SIDE, Mounting, View
+from s2c2a.viz.mounting import View
 
 GAP = 0.04  # of the arm's length, chosen by eye: narrower gaps are no holes
 # turns about the axis [rad] that positions are repeated at, between directions of the
@@ -48,11 +48,8 @@ def reach_figure(
     """
     module = int(np.flatnonzero(goals.position_weights.any(axis=0))[-1])
     figure = charts.new_figure(11.0, 5.0)
-    grid = figure.add_gridspec(1, 2)
-    titles = {SIDE: f"{arm.name}, from the side", ABOVE: ""}
-    for column, (view, title) in enumerate(titles.items()):
-        place = grid[column]
-        axes, nearest = charts.titled_view(figure, place, Mounting.of(arm), view, title)
+    title = f"{arm.name}, from the side"
+    for axes, nearest in charts.side_and_above(figure, arm, title):
         _draw_regions(axes, states[:, module, POSITION], goals, module, arm, nearest)
         spheres = goals.obstacles_in_use()[0]
         charts.draw_obstacles(axes, spheres, nearest, label="obstacle", zorder=20)
