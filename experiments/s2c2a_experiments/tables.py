@@ -13,7 +13,7 @@ from typing import Any
 
 from s2c2a import jobs
 from s2c2a.arm import ArmSpec, load_arm
-from s2c2a.errors import ArmError, S2C2AError, StrategyError, counted, did_you_mean
+from s2c2a.errors import ArmError, S2C2AError, StrategyError, counted
 from s2c2a.estimation import PAPER_COUPLING
 from s2c2a.evaluation import Row
 from s2c2a.jobs.run_folder import trace_of
@@ -225,7 +225,7 @@ def make_table(
         Its rows, and the figures.
 
     Raises:
-        S2C2AError: the table is unknown, or has no strategies to compare.
+        S2C2AError: the table has no strategies to compare.
     """
     if name in OTHERS:
         if strategies:
@@ -234,12 +234,6 @@ def make_table(
                 f"choose one of {', '.join(TABLES)}"
             )
         return OTHERS[name](make, seeds, recipe, folder)
-    if name not in TABLES:
-        raise S2C2AError(
-            f"unknown table '{name}'{did_you_mean(name, [*TABLES, *OTHERS])}; "
-            "choose one of "
-            f"{', '.join([*TABLES, *OTHERS])}, or all"
-        )
     blocks = [
         replace(block, strategies=(*block.strategies, *strategies))
         for block in TABLES[name]

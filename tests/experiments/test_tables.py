@@ -110,13 +110,6 @@ def test_rows_of_a_table_can_be_told_apart():
         assert len(set(runs)) == len(runs)
 
 
-def test_an_unknown_table_is_refused_with_the_names_there_are(tmp_path):
-    with pytest.raises(
-        S2C2AError, match="unknown table 'speed'; choose one of simulation, tracking"
-    ):
-        make_table("speed", tmp_path, [0], list, recipe_named("paper"))
-
-
 def test_a_table_without_strategies_refuses_further_ones(tmp_path):
     with pytest.raises(S2C2AError, match="compares no strategies"):
         make_table("networks", tmp_path, [0], list, recipe_named("best"), ["lstm"])
