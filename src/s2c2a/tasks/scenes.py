@@ -381,5 +381,4 @@ def _check_count(count: int, what: str) -> None:
         )
 
 
-KINDS = Sphere, Capsule, Cylinder, Box, HalfSpace, Mesh
 HEADING = "{faults} in the scene (obstacles count from 0)"
