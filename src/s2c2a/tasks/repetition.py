@@ -20,6 +20,7 @@ from s2c2a.errors import S2C2AError
 from s2c2a.robots import Robot
 from s2c2a.spaces import POSITION
 from s2c2a.tasks.task import Task
+from s2c2a.tasks.waypoints import interpolated
 
 LEARNING_GAIN = 0.5  # of an error: half of the noise of a measurement at most
 LEAD_TIME = 0.1  # s: a control step at 10 Hz, in which the arm follows its targets
@@ -97,10 +98,7 @@ def learned_offsets(episode: Episode, offsets: Offsets, sensor: str) -> Offsets:
     desired = episode.ran("desired_positions")
     learned = offsets.copy()
     for module in range(desired.shape[1]):
-        targets = np.stack(
-            [np.interp(moments, times, desired[:, module, axis]) for axis in range(3)],
-            axis=-1,
-        )
+        targets = interpolated(moments, times, desired[:, module])
         errors = targets - ends[:, module]
         is_known = np.isfinite(errors).all(axis=-1)
         if is_known.any():

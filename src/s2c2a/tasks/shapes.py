@@ -21,6 +21,7 @@ from s2c2a.tasks.waypoints import (
     MAX_BYTES,
     Waypoints,
     column_units,
+    interpolated,
     load_waypoints,
     read_table,
     waypoints_task,
@@ -140,7 +141,7 @@ def _arc_lengths(curve: Curve) -> Float[np.ndarray, " points"]:
 def _at(curve: Curve, lengths: Float[np.ndarray, " ends"]) -> np.ndarray:
     """Points at arc lengths [m]; the last one beyond the end."""
     knots = _arc_lengths(curve)
-    return np.stack([np.interp(lengths, knots, column) for column in curve.T], axis=-1)
+    return interpolated(lengths, knots, curve)
 
 
 def _check_points(name: str, points: Curve, arm: ArmSpec) -> None:

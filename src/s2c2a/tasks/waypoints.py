@@ -113,13 +113,13 @@ def waypoints_task(name: str, tracks: Sequence[Waypoints], arm: ArmSpec) -> Task
     scores: list[Score] = []
     # `with_position` and `with_axis` set the weights, and validate the largest values
     for track in tracks:
-        desired = _interpolate(times, track.times, track.positions)
+        desired = interpolated(times, track.times, track.positions)
         base = base.with_position(_extremes(desired)[0], 1.0, track.module)
         positions[:, track.module] = desired
         scores.append(Score("position", track.module))
         if track.axes is None:
             continue
-        desired = _interpolate(times, track.times, track.axes)
+        desired = interpolated(times, track.times, track.axes)
         for axis in _extremes(desired):
             base = base.with_axis(axis, 2.0, track.module)
         # unit vectors in single precision, as `Goal.with_axis` computes them
@@ -298,7 +298,7 @@ def _check_units(name: str, tracks: Sequence[Waypoints], arm: ArmSpec) -> None:
             )
 
 
-def _interpolate(times: np.ndarray, knots: np.ndarray, values: np.ndarray):
+def interpolated(times: np.ndarray, knots: np.ndarray, values: np.ndarray):
     """Piecewise linear interpolation of vectors, shape (times, 3)."""
     return np.stack([np.interp(times, knots, column) for column in values.T], axis=-1)
 
