@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.episodes.episode import sensor_shapes
 from s2c2a.errors import ActionError, S2C2AError
 from s2c2a.measurements.readings import describe_values
 from s2c2a.robots import Robot
@@ -135,7 +136,7 @@ class _InspectedRobot(Robot):
                 is_first = self._start is None
                 passed = [
                     _check_reading(reading, self._robot.sensors),
-                    _check_standard_names(reading, self._geometry),
+                    _check_standard_names(reading, self.arm),
                     _check_arm_sensors(self.arm, self._robot.sensors),
                 ]
                 self._check_clock(reading.time)
@@ -331,18 +332,14 @@ def _check_reading(reading: Reading, declared: Mapping[str, Sensor]) -> str:
     return f"readings contain {', '.join(declared)}, as declared"
 
 
-def _check_standard_names(reading: Reading, geometry: ArmGeometry) -> str:
+def _check_standard_names(reading: Reading, arm: ArmSpec) -> str:
     """Check the shapes of sensors whose name has a fixed meaning."""
-    modules, cables = geometry.action_neutral.shape
-    shapes: dict[str, tuple[int, ...]] = {
-        "cables": (modules, cables),
-        "states": (modules, 6),
-        "configurations": (modules, 3),
-        "tensions": (modules, cables),
-        "camera_positions": (modules, 3),
+    others: dict[str, tuple[int, ...]] = {
+        "tensions": (arm.module_count, arm.cable_count),
+        "camera_positions": (arm.module_count, 3),
         "camera_age": (),
     }
-    for name, shape in shapes.items():
+    for name, shape in (sensor_shapes(arm) | others).items():
         values = reading.get(name)
         _require(
             values is None or values.shape == shape,
