@@ -18,7 +18,7 @@ from jaxtyping import Array, Bool, Float
 
 from s2c2a import jobs
 from s2c2a.arm import ArmSpec
-from s2c2a.arm.geometry import center_line
+from s2c2a.arm.geometry import center_line, directions_at
 from s2c2a.evaluation import Row
 from s2c2a.execution.compilation import compiled
 from s2c2a.goals import Goal
@@ -115,8 +115,7 @@ def drawn_bends(
     """Bends [rad], uniform in the discs within the limits."""
     sizes = limits * np.sqrt(random.uniform(size=(*shape, len(limits))))
     angles = random.uniform(0.0, 2.0 * np.pi, sizes.shape)
-    directions = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    return (sizes[..., None] * directions).astype(np.float32)
+    return (sizes[..., None] * directions_at(angles)).astype(np.float32)
 
 
 def _drawn_goal(

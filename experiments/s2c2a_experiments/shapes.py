@@ -13,7 +13,7 @@ import numpy as np
 
 from s2c2a import jobs
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.arm.geometry import center_line
+from s2c2a.arm.geometry import center_line, directions_at
 from s2c2a.evaluation import Row, curve_distances
 from s2c2a.kinematics import states_from_bends
 from s2c2a.strategies import recipe_named
@@ -148,8 +148,7 @@ def drawn_directions(
     sizes = np.sqrt(random.uniform(0.2, 1.0, (count, modules)))
     angles = random.uniform(0.0, 2.0 * np.pi, (count, 1))
     angles = angles + random.normal(0.0, 0.6, (count, modules))
-    directions = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    return sizes[..., None] * directions
+    return sizes[..., None] * directions_at(angles)
 
 
 def _with_base(lines: np.ndarray) -> np.ndarray:

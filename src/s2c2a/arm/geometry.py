@@ -43,6 +43,11 @@ def cables_present(arm: ArmSpec) -> Bool[np.ndarray, "modules cables"]:
     return np.arange(arm.cable_count) < counts[:, None]
 
 
+def directions_at(angles: Float[np.ndarray, "*all"]) -> Float[np.ndarray, "*all 2"]:
+    """Return vectors of length one in a plane, at angles from x to y [rad]."""
+    return np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+
+
 def cable_matrix(
     angles: Float[np.ndarray, "*modules cables"],
 ) -> Float[np.ndarray, "*modules cables 2"]:
@@ -50,7 +55,7 @@ def cable_matrix(
 
     Cable displacements are r B b for a bend b [rad] at cable radius r.
     """
-    return -np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    return -directions_at(angles)
 
 
 def balanced_pull(

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from s2c2a.arm.geometry import ArmGeometry, per_module, per_unit_of_pull
+from s2c2a.arm.geometry import ArmGeometry, directions_at, per_module, per_unit_of_pull
 from s2c2a.arm.spec import ArmSpec, Mismatch, Module
 from s2c2a.errors import ArmError
 
@@ -140,7 +140,7 @@ def _tensions_at_full_bend(arm: ArmSpec) -> np.ndarray:
         tensions = moments / geometry.lengths / geometry.cable_radii
         return tensions + geometry.pretensions.sum(axis=-1)
     azimuths = np.linspace(0.0, 2 * np.pi, 36, endpoint=False)
-    shares = np.stack([np.cos(azimuths), np.sin(azimuths)], axis=-1)[:, None, :]
+    shares = directions_at(azimuths)[:, None, :]
     actions = geometry.actions_at(np.broadcast_to(shares, (36, arm.module_count, 2)))
     forces = np.maximum(actions, 0.0).sum(axis=-1).mean(axis=0)
     return forces * np.abs(per_unit_of_pull(arm))

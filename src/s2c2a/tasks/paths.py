@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.arm import ArmSpec
+from s2c2a.arm.geometry import directions_at
 from s2c2a.planning import Goal
 from s2c2a.tasks.circle import approach_path
 from s2c2a.tasks.task import PAPER_LENGTH, Path, Task
@@ -38,8 +39,7 @@ def eight(shares: Shares) -> Path:
 def helix(shares: Shares) -> Path:
     """Helix of two turns and a radius of 0.15 m, from 0.57 m down to 0.54 m [m]."""
     angles = 2 * np.pi * 2 * shares
-    lateral = 0.15 * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    return _at_height(lateral, 0.57 + (0.54 - 0.57) * shares)
+    return _at_height(0.15 * directions_at(angles), 0.57 + (0.54 - 0.57) * shares)
 
 
 def star(shares: Shares) -> Path:

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.arm.geometry import hermite_weights
+from s2c2a.arm.geometry import directions_at, hermite_weights
 from s2c2a.spaces import AXIS, POSITION, States
 from s2c2a.viz.arrays import PlanePoints, Points
 from s2c2a.viz.colors import BASE, DISC, darker, module_colors
@@ -204,12 +204,9 @@ def unit(vectors: Points) -> Points:
     return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12)
 
 
-def _circle(angles: np.ndarray) -> PlanePoints:
-    return np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-
-
-_CIRCLE = _circle(2 * np.pi * np.arange(AROUND) / AROUND)[None]
-_TRIANGLE = _circle(2 * np.pi * np.arange(THREAD_SIDES) / THREAD_SIDES)  # of a thread
+_CIRCLE = directions_at(2 * np.pi * np.arange(AROUND) / AROUND)[None]
+# of a thread
+_TRIANGLE = directions_at(2 * np.pi * np.arange(THREAD_SIDES) / THREAD_SIDES)
 
 
 def _pieces(
@@ -223,7 +220,7 @@ def _pieces(
     for module, color, radius, tube in zip(
         arm.modules, colors, radii, tubes, strict=False
     ):
-        centers = CABLE_DISTANCE * _circle(np.deg2rad(module.cable_angles_deg))
+        centers = CABLE_DISTANCE * directions_at(np.deg2rad(module.cable_angles_deg))
         outlines = centers[:, None] + CABLE_RADIUS * _TRIANGLE
         lift = CABLE_LIFT * radius
         modules.append(Piece("module", color, [tube], _CIRCLE, 0.0))

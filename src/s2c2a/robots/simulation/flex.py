@@ -4,6 +4,7 @@ import numpy as np
 
 from s2c2a.arm import ArmSpec
 from s2c2a.arm.backlash import play
+from s2c2a.arm.geometry import directions_at
 from s2c2a.arm.sensors import Flex
 from s2c2a.kinematics import configurations_from_states
 from s2c2a.robots.simulation.random_streams import Stream, random_stream
@@ -31,7 +32,7 @@ class FlexStrips:
         crosstalk = random.normal(scale=flex.crosstalk, size=(*shape, modules))
         own_module = np.eye(modules)[:, None]
         shares = crosstalk * (1.0 - own_module) + own_module
-        directions = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+        directions = directions_at(angles)
         # (modules, strips, modules that bend them, 2)
         self._bend_gains = shares[..., None] * directions[:, :, None]
         self._flex = flex

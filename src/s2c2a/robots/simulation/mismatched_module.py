@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.arm import ArmSpec, Module
+from s2c2a.arm.geometry import directions_at
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,6 @@ class MismatchedModule:
         stiffnesses = np.array([bending / ratio, bending * ratio, module.gj])
         angles = np.deg2rad(np.add(module.cable_angles_deg, mismatch.angle_errors_deg))
         radii = module.cable_radius * (1.0 + np.asarray(mismatch.radius_errors))
-        directions = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
         angle = np.deg2rad(mismatch.stiff_direction_deg)
         cosine = np.cos(angle)
         sine = np.sin(angle)
@@ -46,7 +46,7 @@ class MismatchedModule:
             axes=axes + 0.0,  # no negative zeros
             stiffnesses=(1.0 + mismatch.stiffness_error) * stiffnesses,
             mass=module.mass * (1.0 + mismatch.mass_error),
-            cables=radii[..., None] * directions,
+            cables=radii[..., None] * directions_at(angles),
         )
 
     def cable_levers(

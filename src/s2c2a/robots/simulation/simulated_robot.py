@@ -8,7 +8,7 @@ from jaxtyping import Float
 from mujoco.rollout import Rollout
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.arm.geometry import cables_present, per_cable, per_module
+from s2c2a.arm.geometry import cables_present, directions_at, per_cable, per_module
 from s2c2a.arm.spec import MAX_PAYLOAD
 from s2c2a.errors import S2C2AError, SimulationError
 from s2c2a.robots.robot import SETTLING_TIME, Robot, checked_action
@@ -172,8 +172,8 @@ class SimulatedRobot(Robot):
         # an action near neutral, in a random direction for every module
         random = random_stream(self._seed, Stream.JITTER)
         angles = random.uniform(0, 2 * np.pi, self.arm.module_count)
-        directions = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-        self.step(self._geometry.actions_at(self._jitter * directions))
+        shares = self._jitter * directions_at(angles)
+        self.step(self._geometry.actions_at(shares))
         for _ in range(max(1, int(np.ceil(SETTLING_TIME * self.arm.control_rate)))):
             self.step(self._geometry.action_neutral)
         self._schedule = EventSchedule(self._events)
