@@ -20,18 +20,12 @@ from s2c2a.viz.mounting import ABOVE, Mounting
 from s2c2a.viz.trace import Trace, check_same_arm
 
 MAX_SAMPLES = 60_000  # more than the 36,000 of `best-long`
-DOT: dict[str, Any] = {
-    "marker": "o",
-    "linestyle": "none",
-    "markersize": 4.5,
-    "alpha": 0.75,
-    "markeredgewidth": 0,
-}
 CLOUD: dict[str, Any] = {
-    **DOT,
     "marker": ".",
+    "linestyle": "none",
     "markersize": 1.6,
     "alpha": 0.55,
+    "markeredgewidth": 0,
     "rasterized": True,
 }
 CROSS: dict[str, Any] = {
