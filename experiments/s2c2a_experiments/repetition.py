@@ -14,7 +14,7 @@ from s2c2a.strategies import recipe_named
 from s2c2a.tasks import Task, circle
 from s2c2a.tasks.circle import ROUND_TIME
 from s2c2a_experiments.run_rows import metric_rows
-from s2c2a_experiments.sensors import last_quarter, with_sensors
+from s2c2a_experiments.sensors import Case, last_quarter, with_sensors
 
 EXPERIMENT = "repetition"
 SENSORS = "camera"
@@ -60,13 +60,7 @@ def _turn_rows(study: RepetitionStudy, make: jobs.Make) -> list[Row]:
     """Mean error of every turn of the circle in one run."""
     cases = list(product(study.arms, (ENCODERS, SENSORS)))
     groups = [
-        jobs.jobs_for(
-            [turning(arm, study.turns)],
-            with_sensors(arm, sensors),
-            ["s2c2a"],
-            study.seeds,
-            recipe_named("best"),
-        )
+        Case(arm, sensors, 0.0).make_jobs([turning(arm, study.turns)], study.seeds)
         for arm, sensors in cases
     ]
     rows = []
