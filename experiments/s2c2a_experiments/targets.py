@@ -19,6 +19,7 @@ from s2c2a.jobs import Artifact, Cache
 from s2c2a.jobs.artifacts import Made, digest_of
 from s2c2a.spaces import AXIS, POSITION
 from s2c2a.tasks import Task, load_task
+from s2c2a.tasks.waypoints import interpolated
 from s2c2a_experiments.true_reach import RestingShape, TrueReach
 
 SEARCH_INTERVAL = 5  # steps of a task between searches; goals between are interpolated
@@ -183,9 +184,7 @@ def _interpolated(
     steps: np.ndarray, moves: np.ndarray, count: int
 ) -> Float[np.ndarray, "goals modules 6"]:
     """Displacements of all goals from those at some steps."""
-    columns = moves.reshape(len(steps), -1).T
-    all_steps = np.arange(count)
-    rows = np.array([np.interp(all_steps, steps, column) for column in columns]).T
+    rows = interpolated(np.arange(count), steps, moves.reshape(len(steps), -1))
     return rows.reshape(count, *moves.shape[1:])
 
 

@@ -16,7 +16,7 @@ from jaxtyping import Float
 from mujoco.rollout import Rollout
 
 from s2c2a.arm import ArmGeometry, ArmSpec, Module
-from s2c2a.arm.geometry import per_cable, per_module
+from s2c2a.arm.geometry import directions_at, per_cable, per_module
 from s2c2a.goals import Goal
 from s2c2a.robots.simulation import FIDELITIES
 from s2c2a.robots.simulation.chain import build_model
@@ -103,9 +103,7 @@ class TrueReach:
         shape = (2, count, len(self.usable_range))
         angles, squares = random.uniform(0, 2 * np.pi, shape)
         radii = self.usable_range * np.sqrt(squares / (2 * np.pi))
-        x = radii * np.cos(angles)
-        y = radii * np.sin(angles)
-        return np.stack([x, y], axis=-1)
+        return radii[..., None] * directions_at(angles)
 
     def nearest(self, goal: Goal, start: RestingShape | None = None) -> RestingShape:
         """The resting shape nearest to a goal that a local search finds.

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.arm.geometry import directions_at
 from s2c2a.errors import TargetError
 from s2c2a.planning import Goal
 from s2c2a.tasks.task import PAPER_LENGTH, Path, Score, Task
@@ -145,17 +146,15 @@ def _approach_and_circle(radius: float, height: float, control_rate: float) -> P
     """An approach, then one circle at constant height; for an arm of length one."""
     approach = approach_path(np.array([radius, 0.0, height]), control_rate)
     angles = _approach_and_turn(control_rate)[1][len(approach) :]
-    x = radius * np.cos(angles)
-    y = radius * np.sin(angles)
-    turn = np.stack([x, y, np.full(len(angles), height)], axis=-1)
+    lateral = radius * directions_at(angles)
+    turn = np.column_stack([lateral, np.full(len(angles), height)])
     return np.concatenate([approach, turn])
 
 
 def _tilted_axes(tilts: Steps, azimuths: Steps) -> Float[np.ndarray, "steps 3"]:
     """Unit vectors with these angles to the vertical and azimuths [rad]."""
-    x = np.sin(tilts) * np.cos(azimuths)
-    y = np.sin(tilts) * np.sin(azimuths)
-    return np.stack([x, y, np.cos(tilts)], axis=-1)
+    lateral = np.sin(tilts)[:, None] * directions_at(azimuths)
+    return np.column_stack([lateral, np.cos(tilts)])
 
 
 def _arc_height(distance: float) -> float:

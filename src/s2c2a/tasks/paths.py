@@ -15,6 +15,7 @@ from s2c2a.arm.geometry import directions_at
 from s2c2a.planning import Goal
 from s2c2a.tasks.circle import approach_path
 from s2c2a.tasks.task import PAPER_LENGTH, Path, Task
+from s2c2a.tasks.waypoints import interpolated
 
 Shares = Float[np.ndarray, " steps"]
 
@@ -76,9 +77,7 @@ def _between_corners(
 ) -> Float[np.ndarray, "steps 2"]:
     """Lateral positions on a closed polygon with equal sides, at constant speed."""
     corner_shares = np.linspace(0.0, 1.0, len(azimuths))
-    x = np.interp(shares, corner_shares, np.cos(azimuths))
-    y = np.interp(shares, corner_shares, np.sin(azimuths))
-    return radius * np.stack([x, y], axis=-1)
+    return radius * interpolated(shares, corner_shares, directions_at(azimuths))
 
 
 def _at_height(lateral: Float[np.ndarray, "steps 2"], height: Shares | float) -> Path:

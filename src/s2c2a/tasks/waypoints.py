@@ -299,7 +299,7 @@ def _check_units(name: str, tracks: Sequence[Waypoints], arm: ArmSpec) -> None:
 
 
 def interpolated(times: np.ndarray, knots: np.ndarray, values: np.ndarray):
-    """Piecewise linear interpolation of vectors, shape (times, 3)."""
+    """Piecewise linear interpolation of vectors, shape (times, coordinates)."""
     return np.stack([np.interp(times, knots, column) for column in values.T], axis=-1)
 
 
