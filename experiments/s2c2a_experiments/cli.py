@@ -17,7 +17,7 @@ from s2c2a.cli.console import (
     print_results,
 )
 from s2c2a.cli.execution import ALL_CORES, Work, run_directory
-from s2c2a.errors import S2C2AError, counted, did_you_mean
+from s2c2a.errors import S2C2AError, counted, no_such
 from s2c2a_experiments import beyond_the_paper
 from s2c2a_experiments.everything import everything
 
@@ -126,10 +126,7 @@ def reproduce(
         work: run directory and parallel execution.
     """
     if name not in TABLES:
-        raise S2C2AError(
-            f"no table '{name}'{did_you_mean(name, TABLES)}; choose one of "
-            f"{', '.join(TABLES)}"
-        )
+        raise S2C2AError(no_such("table", name, TABLES))
     given = {
         "files": files or None,
         "seeds": seeds,

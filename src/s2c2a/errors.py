@@ -1,6 +1,6 @@
 """Exceptions of the package, all derived from one base, and suggestions in them."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from difflib import get_close_matches
 
 MAX_NAME_LENGTH = 64  # of a name from a user, which may be a whole file
@@ -108,3 +108,9 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Suggestion behind a misspelled name in a message; empty if none is similar."""
     nearest = nearest_name(name, known)
     return f" (did you mean {nearest}?)" if nearest else ""
+
+
+def no_such(kind: str, name: str, known: Collection[str]) -> str:
+    """Message about a name that is not among the known ones."""
+    likely = did_you_mean(name, known)
+    return f"no {kind} '{name}'{likely}; choose one of {', '.join(known)}"

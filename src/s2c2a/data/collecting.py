@@ -20,7 +20,7 @@ from s2c2a.data.recording import Recording, load_recording
 from s2c2a.episodes import Episode, EpisodeWriter
 from s2c2a.episodes.episode import SENSOR
 from s2c2a.episodes.file import ENDING
-from s2c2a.errors import RecordingError, RobotError, did_you_mean, listed
+from s2c2a.errors import RecordingError, RobotError, listed, no_such
 from s2c2a.execution.executors import Serial, Threads, in_order
 from s2c2a.files.text import MAX_COUNT, MAX_SEED, check_replaceable, is_seed
 from s2c2a.measurements.outliers import MeasuredEnds, find_outliers
@@ -66,11 +66,7 @@ class CollectOptions:
 
     def __post_init__(self):
         if self.babbling not in BABBLING:
-            raise RecordingError(
-                f"no babbling '{self.babbling}'"
-                f"{did_you_mean(self.babbling, BABBLING)}; "
-                f"choose one of {', '.join(BABBLING)}"
-            )
+            raise RecordingError(no_such("babbling", self.babbling, BABBLING))
         counts = (self.episodes, self.samples)
         has_counts = all(1 <= count <= MAX_COUNT and not count % 1 for count in counts)
         if not has_counts or not is_seed(self.seed):

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from s2c2a.arm import ArmSpec
-from s2c2a.errors import S2C2AError, StrategyError, did_you_mean
+from s2c2a.errors import S2C2AError, StrategyError, no_such
 from s2c2a.execution.compilation import compilations
 from s2c2a.goals import Goal
 from s2c2a.live.goals import Disturbable, RequestedDisturbances, goal_of, tip_errors
@@ -129,10 +129,7 @@ class ArmControl(Control):
     def use(self, name: str) -> None:
         """See `Control`; builds the strategy in the calling thread."""
         if name not in self._builders:
-            raise S2C2AError(
-                f"no strategy '{name}'{did_you_mean(name, self.strategies)}; "
-                f"choose one of {', '.join(self.strategies)}"
-            )
+            raise S2C2AError(no_such("strategy", name, self.strategies))
         strategy = self._builders[name]()
         self._loop.required_sensors(
             strategy

@@ -17,7 +17,7 @@ from s2c2a.arm import ArmSpec
 from s2c2a.control.options import CONTROLLERS, C2AOptions, ControllerOptions
 from s2c2a.data import CollectOptions
 from s2c2a.data.babbling import BABBLING, SPEEDS
-from s2c2a.errors import MAX_NAME_LENGTH, S2C2AError, StrategyError, did_you_mean
+from s2c2a.errors import MAX_NAME_LENGTH, S2C2AError, StrategyError, no_such
 from s2c2a.estimation import (
     ESTIMATORS,
     ConfigurationMap,
@@ -269,10 +269,7 @@ def recipe_named(name: str) -> Recipe:
         StrategyError: no such recipe.
     """
     if name not in RECIPES:
-        raise StrategyError(
-            f"no recipe '{name}'{did_you_mean(name, RECIPES)}; "
-            f"choose one of {', '.join(RECIPES)}"
-        )
+        raise StrategyError(no_such("recipe", name, RECIPES))
     return RECIPES[name]
 
 

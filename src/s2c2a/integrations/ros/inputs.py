@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from s2c2a.errors import did_you_mean
+from s2c2a.errors import no_such
 from s2c2a.integrations.ros.messages import NANOSECONDS, MessageError
 from s2c2a.live.request import MAX_OBSTACLES, Obstacle, Point, RequestLimits, point
 from s2c2a.obstacles import turned
@@ -71,10 +71,7 @@ class Inputs:
         if not name:
             return NO_TASK
         if name not in self.limits.tasks:
-            raise MessageError(
-                f"no task '{name[:40]}'{did_you_mean(name[:40], self.limits.tasks)}; "
-                f"choose one of {', '.join(self.limits.tasks)}"
-            )
+            raise MessageError(no_such("task", name[:40], self.limits.tasks))
         return {"task": name, "playing": True}
 
     def _check_header(self, header: Any) -> None:

@@ -14,7 +14,7 @@ import scipy
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.arm.geometry import cables_present
-from s2c2a.errors import S2C2AError, did_you_mean
+from s2c2a.errors import S2C2AError, no_such
 from s2c2a.robots.simulation.mismatched_module import MismatchedModule, cable_routing
 from s2c2a.spaces import CENTER_LINE_POINTS
 
@@ -67,10 +67,7 @@ def get_fidelity(name: str) -> Fidelity:
         S2C2AError: there is no such fidelity.
     """
     if name not in FIDELITIES:
-        raise S2C2AError(
-            f"no fidelity '{name}'{did_you_mean(name, FIDELITIES)}; "
-            f"choose one of {', '.join(FIDELITIES)}"
-        )
+        raise S2C2AError(no_such("fidelity", name, FIDELITIES))
     return FIDELITIES[name]
 
 
