@@ -13,14 +13,14 @@ from scipy.signal import butter, sosfiltfilt
 
 from s2c2a import jobs
 from s2c2a.arm import ArmSpec
-from s2c2a.evaluation import Row, position_errors
+from s2c2a.evaluation import Row
 from s2c2a.goals import Goal
 from s2c2a.kinematics import bends_from_configurations
 from s2c2a.spaces import POSITION
 from s2c2a.tasks import Task, load_task
 from s2c2a.tasks.circle import ROUND_TIME
 from s2c2a.tasks.registry import paced_task
-from s2c2a_experiments.run_rows import metric_rows
+from s2c2a_experiments.run_rows import errors_of, metric_rows
 from s2c2a_experiments.sensors import (
     SETTLING_STEPS,
     Case,
@@ -133,8 +133,7 @@ def path_metrics(runs: Sequence[jobs.Run]) -> Metrics:
 
 def _scored_error(run: jobs.Run) -> float:
     """Mean distance of the tip from its target in the steps that count [cm]."""
-    states = run.episode.after("states")
-    errors = position_errors(states, run.job.task.desired_positions())
+    errors = errors_of(run)
     steps = run.job.task.scores[0].steps
     return float(np.nanmean(errors if steps is None else errors[steps]))
 

@@ -12,13 +12,13 @@ import numpy as np
 
 from s2c2a import jobs
 from s2c2a.arm import ArmSpec, randomized_arm
-from s2c2a.evaluation import Row, position_errors
+from s2c2a.evaluation import Row
 from s2c2a.robots import RobotFactory
 from s2c2a.spaces import POSITION
 from s2c2a.strategies import Recipe, recipe_named
 from s2c2a.tasks import Task, load_task
 from s2c2a.tasks.registry import TILTS
-from s2c2a_experiments.run_rows import labeled, prediction_rows
+from s2c2a_experiments.run_rows import errors_of, labeled, prediction_rows
 from s2c2a_experiments.tables import mean_rows
 from s2c2a_experiments.targets import RandomTargets, ReachableTask, TargetSequence
 
@@ -127,11 +127,9 @@ def target_rows(run: jobs.Run, targets: TargetSequence) -> list[Row]:
         targets: in the order in which they are held.
     """
     count = len(targets.distances)
-    states = run.episode.after("states")
-    tips = states[:, -1, POSITION]
+    tips = run.episode.after("states")[:, -1, POSITION]
     ends = np.arange(1, count + 1) * (len(tips) // count) - 1
-    errors = position_errors(states, run.job.task.desired_positions())[ends]
-    excess = errors - 100 * targets.distances  # cm
+    excess = errors_of(run)[ends] - 100 * targets.distances  # cm
     still_steps = np.arange(-round(STILL_TIME * run.job.arm.control_rate), 1)
     extents = 100 * np.ptp(tips[ends[:, None] + still_steps], axis=1)
     motion = np.linalg.norm(extents, axis=-1)

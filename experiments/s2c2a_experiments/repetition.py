@@ -13,7 +13,7 @@ from s2c2a.evaluation import Row, position_errors
 from s2c2a.strategies import recipe_named
 from s2c2a.tasks import Task, circle
 from s2c2a.tasks.circle import ROUND_TIME
-from s2c2a_experiments.run_rows import metric_rows
+from s2c2a_experiments.run_rows import errors_of, metric_rows
 from s2c2a_experiments.sensors import Case, last_quarter, with_sensors
 
 EXPERIMENT = "repetition"
@@ -83,10 +83,8 @@ def turning(arm: ArmSpec, turns: int) -> Task:
 
 def _turn_errors(run: jobs.Run, turns: int) -> list[float]:
     """Mean distance of the tip from its target in every turn [cm]."""
-    states = run.episode.after("states")
-    errors = position_errors(states, run.job.task.desired_positions())
     steps = turns * round(ROUND_TIME * run.job.arm.control_rate)
-    parts = np.split(errors[-steps:], turns)
+    parts = np.split(errors_of(run)[-steps:], turns)
     return [float(np.nanmean(turn)) for turn in parts]
 
 

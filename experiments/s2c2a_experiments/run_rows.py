@@ -4,8 +4,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from jaxtyping import Float
 
-from s2c2a.evaluation import Row
+from s2c2a.evaluation import Row, position_errors
 from s2c2a.jobs import Heading, Run
 from s2c2a.spaces import POSITION
 
@@ -22,6 +23,12 @@ def labeled(rows: Iterable[Row], label: str) -> list[Row]:
     return [
         replace(row, strategy=label, paper_mean=None, paper_std=None) for row in rows
     ]
+
+
+def errors_of(run: Run) -> Float[np.ndarray, " steps"]:
+    """Position errors of a run [cm] (`evaluation.position_errors`)."""
+    states = run.episode.after("states")
+    return position_errors(states, run.job.task.desired_positions())
 
 
 def metric_rows(

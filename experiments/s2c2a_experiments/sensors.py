@@ -9,12 +9,12 @@ from s2c2a import jobs
 from s2c2a.arm import ArmSpec
 from s2c2a.arm.sensors import Camera, Flex, Inertial, Sensors
 from s2c2a.estimation import EstimationSettings
-from s2c2a.evaluation import Row, position_errors
+from s2c2a.evaluation import Row
 from s2c2a.robots import RobotFactory
 from s2c2a.spaces import POSITION
 from s2c2a.strategies import RunOptions, recipe_named
 from s2c2a.tasks import Task
-from s2c2a_experiments.run_rows import labeled, metric_rows
+from s2c2a_experiments.run_rows import errors_of, labeled, metric_rows
 
 EXPERIMENT = "sensors"
 CURRENT = {"current_noise": 0.15, "current_friction": 0.2}
@@ -162,8 +162,7 @@ def last_quarter(run: jobs.Run) -> int:
 
 def mean_error(run: jobs.Run, first: int) -> float:
     """Mean distance of the tip from its target, from a step on [cm]; NaN without one."""
-    states = run.episode.after("states")
-    errors = position_errors(states, run.job.task.desired_positions())[first:]
+    errors = errors_of(run)[first:]
     errors = errors[np.isfinite(errors)]
     return float(errors.mean()) if len(errors) else np.nan
 
