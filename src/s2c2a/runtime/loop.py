@@ -11,7 +11,6 @@ cannot change what the loop remembers, and their exceptions become errors that n
 
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any, Self
 
@@ -184,7 +183,7 @@ class Loop:
         if self._stopped:
             raise S2C2AError(self.fault)
         moment, delay = self._wait()
-        with self._stop_on_error():
+        try:
             self._emergency_stop.check()
             reading = self._faults(self._robot.read())
             self._notice_standstill()
@@ -216,6 +215,9 @@ class Loop:
                 goal = request.goal if self.phase.stage is Stage.RUN else None
                 sent = self._control_step(reading, goal or self._no_goal)
                 diagnostics = self._checked_driver.diagnostics()
+        except BaseException as error:
+            self.stop(error)
+            raise
         record = StepRecord(
             self._step_count, moment, self.phase.stage, reading, request.goal, sent,
             diagnostics, self._tick_time, delay, self.fault,
@@ -339,14 +341,6 @@ class Loop:
         self.standstill = f"the program stood still for {pause:.1f} s"
         self.phase = replace(self.phase, stage=Stage.HOLD)
         self.fault = self.standstill
-
-    @contextmanager
-    def _stop_on_error(self) -> Iterator[None]:
-        try:
-            yield
-        except BaseException as error:
-            self.stop(error)
-            raise
 
     def _update_stage(self, request: StepRequest, fault: str) -> Stage:
         """Update phase and fault; return the stage of the last step."""
