@@ -120,7 +120,9 @@ class ReachableTask(_TargetSearch[Task]):
             reached = desired if shape.error < TOLERANCE else shape.states
             moves.append(reached - desired)
             progress(str(self), count, len(steps))
-        return {"moves": _interpolated(np.array(steps), np.array(moves), len(goals))}
+        columns = np.reshape(moves, (len(steps), -1))
+        rows = interpolated(np.arange(len(goals)), np.array(steps), columns)
+        return {"moves": rows.reshape(len(goals), *moves[0].shape)}
 
     def read(self, arrays: dict[str, np.ndarray]) -> Task:
         task = load_task(self.name, self.arm)
@@ -178,14 +180,6 @@ class RandomTargets(_TargetSearch[TargetSequence]):
     def __str__(self) -> str:
         where = "out of" if self.unreachable_waypoints else "within"
         return f"{self.count} targets {where} reach of {self.arm.name}"
-
-
-def _interpolated(
-    steps: np.ndarray, moves: np.ndarray, count: int
-) -> Float[np.ndarray, "goals modules 6"]:
-    """Displacements of all goals from those at some steps."""
-    rows = interpolated(np.arange(count), steps, moves.reshape(len(steps), -1))
-    return rows.reshape(count, *moves.shape[1:])
 
 
 def _moved(goal: Goal, move: Float[np.ndarray, "modules 6"]) -> Goal:
