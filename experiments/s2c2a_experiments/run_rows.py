@@ -36,6 +36,7 @@ def metric_rows(
     runs: Sequence[Run],
     label: str,
     metrics: Mapping[tuple[str, str], Sequence[float]],
+    task: str = "",
 ) -> list[Row]:
     """Make a row of every metric of one task's runs.
 
@@ -44,10 +45,13 @@ def metric_rows(
         runs: under one set of conditions, one for each seed.
         label: in place of the strategy.
         metrics: name and unit -> a value for each run.
+        task: in place of the runs' task.
     """
     heading = Heading.of(experiment, runs)
     return [
-        heading.row(runs[0].task, label, *names, [float(value) for value in values])
+        heading.row(
+            task or runs[0].task, label, *names, [float(value) for value in values]
+        )
         for names, values in metrics.items()
     ]
 

@@ -256,8 +256,7 @@ def _shares(name: str, runs: Sequence[jobs.Run]) -> list[Row]:
         ("untouched", "of runs"): [float(np.mean(clearances > TOUCHED))],
         ("smallest clearance of the arm", "cm"): [float(clearances.min())],
     }
-    rows = metric_rows(EXPERIMENT, runs[:1], "s2c2a", metrics)
-    return [replace(row, task=name) for row in rows]
+    return metric_rows(EXPERIMENT, runs[:1], "s2c2a", metrics, name)
 
 
 def _shares_told(name: str, runs: Sequence[jobs.Run]) -> list[Row]:
@@ -274,8 +273,7 @@ def _shares_told(name: str, runs: Sequence[jobs.Run]) -> list[Row]:
             float(np.mean([told[-1] for told in tells]))
         ],
     }
-    rows = metric_rows(EXPERIMENT, runs[:1], "s2c2a", metrics)
-    return [replace(row, task=name) for row in rows]
+    return metric_rows(EXPERIMENT, runs[:1], "s2c2a", metrics, name)
 
 
 def _drawn_bends(arm: ArmSpec, random: np.random.Generator, count: int) -> np.ndarray:

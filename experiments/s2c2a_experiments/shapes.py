@@ -6,7 +6,7 @@ finds the least distance that is possible.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
@@ -77,8 +77,8 @@ class CurveSet:
             ],
             ("best fit", "cm"): [least],
         }
-        rows = metric_rows(EXPERIMENT, runs, runs[0].strategy, metrics)
-        return [replace(row, task=f"{self.name} curves") for row in rows]
+        task = f"{self.name} curves"
+        return metric_rows(EXPERIMENT, runs, runs[0].strategy, metrics, task)
 
 
 def shape_rows(study: ShapeStudy, make: jobs.Make) -> list[Row]:
