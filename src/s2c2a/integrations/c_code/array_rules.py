@@ -56,10 +56,7 @@ def block(statements: Iterable[str]) -> str:
 
 def places_of(values: Values) -> frozenset[Place]:
     """Parts of the workspace that values read."""
-    places: frozenset[Place] = frozenset()
-    for value in values:
-        places |= value.places
-    return places
+    return frozenset().union(*(value.places for value in values))
 
 
 def cheap(writer: Writer, value: Value) -> Value:
@@ -96,14 +93,6 @@ def _broadcast(writer: Writer, equation: Any, values: Values) -> Values:
 def _squeeze(writer: Writer, equation: Any, values: Values) -> Values:
     dropped = equation.params["dimensions"]
     return [values[0].without(dropped)]
-
-
-@rule("expand_dims")
-def _expand(writer: Writer, equation: Any, values: Values) -> Values:
-    shape = result_shape(equation)
-    new = equation.params["dimensions"]
-    axes = other_axes(len(shape), new)
-    return [values[0].broadcast(shape, axes)]
 
 
 @rule("transpose")

@@ -21,15 +21,9 @@ UNCHANGED = {
 """Primitives that return their operand."""
 
 
-def described(variable: Any) -> Any:
-    """Shape and type of a variable."""
-    return variable.aval
-
-
-def result_shape(equation: JaxprEqn, number: int = 0) -> tuple[int, ...]:
-    """Shape of a result."""
-    aval = described(equation.outvars[number])
-    return tuple(aval.shape)
+def result_shape(equation: JaxprEqn) -> tuple[int, ...]:
+    """Shape of the first result."""
+    return tuple(equation.outvars[0].aval.shape)
 
 
 def other_axes(rank: int, axes: Container[int]) -> list[int]:
@@ -79,7 +73,7 @@ def folded(equation: JaxprEqn, operands: Sequence[Any]) -> list[np.ndarray] | No
         return None
     if not all(isinstance(operand, np.ndarray) for operand in operands):
         return None
-    if max(described(variable).size for variable in equation.outvars) > MAX_FOLDED:
+    if max(variable.aval.size for variable in equation.outvars) > MAX_FOLDED:
         return None
     result = equation.primitive.bind(*operands, **equation.params)
     results = result if equation.primitive.multiple_results else [result]

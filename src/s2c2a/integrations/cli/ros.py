@@ -16,13 +16,16 @@ from s2c2a.live.cli.driven_arm import (
     print_remarks,
     seed_where_used,
 )
-from s2c2a.live.cli.live import PREPARING, signal_stops, wait_for_interrupt
+from s2c2a.live.cli.live import (
+    PREPARING,
+    import_and_call,
+    signal_stops,
+    wait_for_interrupt,
+)
 from s2c2a.robots.factory import RobotFactory
 
 if TYPE_CHECKING:
-    from s2c2a.arm import ArmSpec
     from s2c2a.integrations.ros.bridge import RosOptions
-    from s2c2a.live.control import ArmControl
     from s2c2a.live.process import ControlProcess
 
 
@@ -106,7 +109,12 @@ def running_bridge(
     log(PREPARING.format(arm))
     spec = load_arm(arm)
     build = partial(
-        build_control, spec, factory, strategies=strategies, **control_options
+        import_and_call,
+        "s2c2a.live.control:arm_control",
+        spec,
+        factory,
+        strategies=strategies,
+        **control_options,
     )
     with ExitStack() as stack:
         node = stack.enter_context(open_node(options))  # an error comes before the arm
@@ -123,10 +131,3 @@ def running_bridge(
             f"{arm} is on {options.namespace} of domain {options.domain}; Ctrl-C ends it"
         )
         yield control
-
-
-def build_control(arm: "ArmSpec", robot: RobotFactory, **options: Any) -> "ArmControl":
-    """The control of an arm, in the process that calls it."""
-    from s2c2a.live.control import arm_control
-
-    return arm_control(arm, robot, **options)
