@@ -40,7 +40,8 @@ def draw(
     axes.quiver(*points[-1], *direction, length=0.1 * arm.length, color=REAL)
     axes.plot(*goal[:, None], color=DESIRED, marker="o", markersize=8)
     if obstacle is not None:
-        sines, cosines = np.sin(CIRCLE), np.cos(CIRCLE)
+        sines = np.sin(CIRCLE)
+        cosines = np.cos(CIRCLE)
         ball = np.stack(
             [
                 np.outer(cosines, sines),

@@ -163,7 +163,8 @@ class Follow(Family):
         moments = np.arange(self.steps + 2) / held
         start = np.minimum(moments.astype(int), count - 2)
         shares = (moments - start)[:, None, None]
-        begin, end = corners[start], corners[start + 1]
+        begin = corners[start]
+        end = corners[start + 1]
         return self.tips(begin * (1.0 - shares) + end * shares)
 
 
@@ -215,7 +216,8 @@ class Avoid(Reach):
         return Scenario(found.goals, found.forces, np.array([*center, radius]))
 
     def observe(self, moment):
-        centers, radii = moment.obstacles[:, :3], moment.obstacles[:, 3:]
+        centers = moment.obstacles[:, :3]
+        radii = moment.obstacles[:, 3:]
         sphere = np.concatenate([centers - moment.tips, radii], axis=-1)
         return {**super().observe(moment), "obstacle": sphere / self.arm.length}
 

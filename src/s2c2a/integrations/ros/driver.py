@@ -28,7 +28,8 @@ MAX_RATE = 100.0  # Hz, of changed requests; the control loops run at 10 to 50 H
 LOG_INTERVAL = 1.0  # s between two lines about one topic; a person reads no more
 DRIVING = ("target/point", "target/pose", "task")
 """Topics that show that somebody drives; obstacles alone move nothing."""
-STOP, EMERGENCY = "stop", "emergency_stop"
+STOP = "stop"
+EMERGENCY = "emergency_stop"
 
 Log = Callable[[str], None]
 
