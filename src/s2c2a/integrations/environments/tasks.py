@@ -147,7 +147,8 @@ class Reach(Family):
         held = self.count_of(GOAL_TIME)
         count = -(-(self.steps + 1) // held)
         points = self.tips(self.sample_bends(random, count))
-        return np.vstack([tip, np.repeat(points, held, axis=0)[: self.steps + 1]])
+        repeated = np.repeat(points, held, axis=0)
+        return np.vstack([tip, repeated[: self.steps + 1]])
 
 
 class Follow(Family):
@@ -207,7 +208,8 @@ class Avoid(Reach):
         radius = OBSTACLE_SHARE * self.arm.length
         goals = found.goals[1:]
         # between the first two goals, where both can be reached without touching it
-        changes = np.flatnonzero(np.abs(np.diff(goals, axis=0)).max(axis=-1) > 0)
+        steps = np.abs(np.diff(goals, axis=0)).max(axis=-1)
+        changes = np.flatnonzero(steps > 0)
         second = goals[changes[0] + 1] if len(changes) else tip
         center = (goals[0] + second) / 2
         # the center is as far from both
