@@ -21,9 +21,14 @@ UNCHANGED = {
 """Primitives that return their operand."""
 
 
+def described(variable: Any) -> Any:
+    """Shape and type of a variable."""
+    return variable.aval
+
+
 def result_shape(equation: JaxprEqn) -> tuple[int, ...]:
     """Shape of the first result."""
-    return tuple(equation.outvars[0].aval.shape)
+    return tuple(described(equation.outvars[0]).shape)
 
 
 def other_axes(rank: int, axes: Container[int]) -> list[int]:
@@ -73,7 +78,7 @@ def folded(equation: JaxprEqn, operands: Sequence[Any]) -> list[np.ndarray] | No
         return None
     if not all(isinstance(operand, np.ndarray) for operand in operands):
         return None
-    if max(variable.aval.size for variable in equation.outvars) > MAX_FOLDED:
+    if max(described(variable).size for variable in equation.outvars) > MAX_FOLDED:
         return None
     result = equation.primitive.bind(*operands, **equation.params)
     results = result if equation.primitive.multiple_results else [result]

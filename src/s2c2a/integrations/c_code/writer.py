@@ -12,6 +12,7 @@ from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal, Var
 from s2c2a.errors import S2C2AError
 from s2c2a.integrations.c_code.elementwise import cost_of, element_of
 from s2c2a.integrations.c_code.jaxprs import (
+    described,
     folded,
     inner_call,
     needed_equations,
@@ -88,7 +89,9 @@ class Writer:
             for equation, is_used in equations:
                 self._write_equation(equation, is_used, scope)
         return [
-            self._read(variable, scope) if is_needed else np.zeros(variable.aval.shape)
+            self._read(variable, scope)
+            if is_needed
+            else np.zeros(described(variable).shape)
             for variable, is_needed in zip(jaxpr.outvars, wanted, strict=True)
         ]
 
@@ -153,7 +156,7 @@ class Writer:
         if name in RULES:
             with self.protecting([*scope.values.values(), *values]):
                 return RULES[name](self, equation, values)
-        dtypes = [variable.aval.dtype for variable in equation.invars]
+        dtypes = [described(variable).dtype for variable in equation.invars]
         element = element_of(name, equation.params, dtypes)
         if element is None:
             raise S2C2AError(
@@ -163,7 +166,7 @@ class Writer:
         def at(indices: Indices) -> str:
             return element(*(broadcast_at(value, indices) for value in values))
 
-        output = equation.outvars[0].aval
+        output = described(equation.outvars[0])
         cost = cost_of(name) + sum(value.cost for value in values)
         kind = kind_of(output.dtype)
         places = self._reads(values)
