@@ -4,9 +4,10 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+import cable_layouts
 from by_hand import bend_plane
 from cable_layouts import even, layouts
-from s2c2a.arm import ArmGeometry, ArmSpec, Module
+from s2c2a.arm import ArmGeometry
 from s2c2a.models.layers import HEADROOM, SumAndRange
 
 quick = settings(deadline=None, max_examples=30)
@@ -15,18 +16,9 @@ _apply = jax.jit(lambda layer, raw: layer(raw))
 _jacobian = jax.jit(lambda layer, raw: jax.jacobian(layer)(raw))
 
 
-def arm_of(angles, actuation="displacement") -> ArmSpec:
-    module = Module(
-        length=0.2,
-        cable_radius=0.03,
-        cable_angles_deg=angles,
-        mass=0.075,
-        bending_stiffness=0.16,
-        bend_limit_deg=60.0,
-        pretension=20.0,
-        tension_range=12.0,
-    )
-    return ArmSpec(name="arm", actuation=actuation, modules=(module,))
+def arm_of(angles, actuation="displacement"):
+    values = {"bend_limit_deg": 60.0, "pretension": 20.0, "tension_range": 12.0}
+    return cable_layouts.arm_of(angles, actuation, cable_radius=0.03, **values)
 
 
 def applied(angles, raw):

@@ -114,7 +114,8 @@ class ControlStep:
         """
         estimate = self._estimator.start(measured)
         configuration = jnp.asarray(estimate.configuration)
-        disturbances, hysteresis = estimate.disturbances, estimate.hysteresis
+        disturbances = estimate.disturbances
+        hysteresis = estimate.hysteresis
         plan = self._planner.started(configuration, disturbances, hysteresis)
         rest = jnp.asarray(self._limits.rest, jnp.float32)
         none = jnp.zeros_like(rest)

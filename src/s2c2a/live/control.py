@@ -17,7 +17,6 @@ import numpy as np
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError, StrategyError, no_such
-from s2c2a.execution.compilation import compilations
 from s2c2a.goals import Goal
 from s2c2a.live.goals import Disturbable, RequestedDisturbances, goal_of, tip_errors
 from s2c2a.live.request import Request, RequestLimits
@@ -282,7 +281,6 @@ class ArmControl(Control):
                 task_step=int(self._task_position),
                 task_steps=len(task.goals) if task else 0,
                 strategy=self._name,
-                compiled=compilations(),
                 fault=step.fault,
             )
         )

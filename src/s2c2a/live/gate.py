@@ -110,9 +110,9 @@ class Gate:
         port: int,
         viser_port: int,
         secret: str,
-        on_stop: Callable[[], str] | None = None,
-        host: str = HOST,
-        on_steer: Callable[[str, Point], None] | None = None,
+        on_stop: Callable[[], str] | None,
+        host: str,
+        on_steer: Callable[[str, Point], None] | None,
     ):
         """Listen on `port`, or on the next free port after it.
 

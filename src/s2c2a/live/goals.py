@@ -107,14 +107,14 @@ class Disturbable(Protocol):
 class RequestedDisturbances:
     """Disturbs a robot, and its readings by sensor faults, as requested."""
 
-    def __init__(self, robot: Robot, seed: int = 0):
-        """Start without disturbances; `seed` is of the sensors' noise.
+    def __init__(self, robot: Robot):
+        """Start without disturbances.
 
         A robot that is not `Disturbable` gets sensor faults only.
         """
         self._robot = robot if isinstance(robot, Disturbable) else None
         self._geometry = ArmGeometry.of(robot.arm)
-        self._random = np.random.default_rng(seed)
+        self._random = np.random.default_rng(0)
         self._coupling = np.eye(robot.arm.module_count)
         if len(self._coupling) == len(PAPER_COUPLING):
             self._coupling = np.array(PAPER_COUPLING)

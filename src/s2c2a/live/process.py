@@ -18,7 +18,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from contextlib import AbstractContextManager, suppress
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from multiprocessing.connection import Connection
@@ -250,9 +250,11 @@ def _run_control(build: "Callable[[], ArmControl]", pipe: Connection) -> None:
         control = build()
         messages.put((control.limits, control.strategies))
         control.watch(partial(_queue_snapshot, messages))
+        from s2c2a.runtime.emergency import stop_on_signal  # noqa: PLC0415  # now loaded
+
         # from here on, an exit returns the arm to rest
         signal.signal(signal.SIGTERM, lambda *_: sys.exit())
-        with _stopped_by_signal():  # also while the arm opens and returns to rest
+        with stop_on_signal():  # also while the arm opens and returns to rest
             try:
                 control.start()
                 _raise_priority()
@@ -264,12 +266,6 @@ def _run_control(build: "Callable[[], ArmControl]", pipe: Connection) -> None:
         messages.put(error)
     messages.put(None)
     sender.join(PATIENCE)
-
-
-def _stopped_by_signal() -> AbstractContextManager[None]:
-    from s2c2a.runtime.emergency import stop_on_signal  # noqa: PLC0415  # not yet loaded
-
-    return stop_on_signal()
 
 
 def _raise_priority() -> None:

@@ -31,19 +31,19 @@ class Recorder:
         self._control = control
         self.folder = folder
         self._lock = threading.Lock()
-        self._writing: _Writing | None = None
+        self._writer: StepWriter | None = None
         self._unsubscribe: Callable[[], None] = lambda: None
 
     @property
     def running(self) -> bool:
         """Whether it records."""
-        return self._writing is not None
+        return self._writer is not None
 
     @property
     def error(self) -> str:
         """Why nothing is written any more, such as a full disk; empty if all is well."""
-        writing = self._writing
-        return str(writing.error) if writing and writing.error else ""
+        writer = self._writer
+        return str(writer.error) if writer and writer.error else ""
 
     def start(self) -> None:
         """Record from the next step on.
@@ -52,10 +52,16 @@ class Recorder:
             S2C2AError: the run directory cannot be written.
         """
         with self._lock:
-            if self._writing is None:
-                writing = _Writing(self._control, self.folder)
-                self._unsubscribe = self._control.watch(writing.add)
-                self._writing = writing
+            if self._writer is not None:
+                return
+            path = self._new_path()
+            writer = StepWriter(path, self._control.arm, "live", self._finish_file)
+
+            def add(snapshot: Snapshot) -> None:
+                writer.add(snapshot.step, strategy=snapshot.strategy)
+
+            self._unsubscribe = self._control.watch(add)
+            self._writer = writer
 
     def stop(self) -> Path | None:
         """Write the rest of the recording and its replay pages.
@@ -67,22 +73,29 @@ class Recorder:
             S2C2AError: the recording could not be written to its end.
         """
         with self._lock:
-            writing = self._writing
-            if writing is None:
+            writer = self._writer
+            if writer is None:
                 return None
             self._unsubscribe()
-            self._writing = None
-        return writing.finish()
+            self._writer = None
+        writer.close()
+        directory = writer.files[0].parent
+        if writer.error is not None:
+            raise S2C2AError(
+                f"the recording in {directory} ended after "
+                f"{counted(writer.count, 'step')}: {writer.error}"
+            )
+        if writer.count >= 2:
+            return directory
+        for path in directory.iterdir():  # written by this object alone
+            path.unlink()
+        directory.rmdir()
+        return None
 
-
-class _Writing:
-    """One recording in a run directory of its own."""
-
-    def __init__(self, control: Control, folder: Path):
-        self._arm = control.arm
-        # a new run directory with options and arm
-        arm = control.arm
-        base = folder / f"{datetime.now():%Y%m%d-%H%M%S}-live-{arm.name}"
+    def _new_path(self) -> Path:
+        """Path of the recording in a new run directory with options and arm."""
+        arm = self._control.arm
+        base = self.folder / f"{datetime.now():%Y%m%d-%H%M%S}-live-{arm.name}"
         directory = base
         number = 1
         while directory.exists():
@@ -95,34 +108,7 @@ class _Writing:
         text = json.dumps(options, indent=1, default=str)
         write_atomically(f"{text}\n", directory / "options.json")
         save_arm(arm, directory / "arm.toml", overwrite=True)
-        self._directory = directory
-        path = self._directory / f"{self._arm.name}{ENDING}"
-        self._writer = StepWriter(path, self._arm, "live", self._finish_file)
-
-    @property
-    def error(self) -> S2C2AError | None:
-        """Error that ended it."""
-        return self._writer.error
-
-    def add(self, snapshot: Snapshot) -> None:
-        """Queue a snapshot for writing; it returns at once."""
-        self._writer.add(snapshot.step, strategy=snapshot.strategy)
-
-    def finish(self) -> Path | None:
-        """Write the rest; see `Recorder.stop`."""
-        self._writer.close()
-        count = self._writer.count
-        if self.error is not None:
-            raise S2C2AError(
-                f"the recording in {self._directory} ended after "
-                f"{counted(count, 'step')}: {self.error}"
-            )
-        if count >= 2:
-            return self._directory
-        for path in self._directory.iterdir():  # written by this object alone
-            path.unlink()
-        self._directory.rmdir()
-        return None
+        return directory / f"{arm.name}{ENDING}"
 
     def _finish_file(self, path: Path) -> None:
         """Make one episode of the pieces of a file, and its replay page."""
@@ -133,4 +119,5 @@ class _Writing:
         if "states" in episode.sensors and len(episode.running):
             trace = Trace(episode, str(episode.options["strategy"]))
             page = path.with_suffix(".html")
-            replay_page([trace], self._arm, f"live with {self._arm.name}", page)
+            arm = self._control.arm
+            replay_page([trace], arm, f"live with {arm.name}", page)

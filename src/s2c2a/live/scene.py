@@ -331,7 +331,8 @@ class _Solid:
         size: float,
         radius: float,
     ):
-        self._scene, self._name = scene, name
+        self._scene = scene
+        self._name = name
         self._radius = radius
         self._ground = ground
         self._size = size

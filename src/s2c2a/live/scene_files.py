@@ -40,8 +40,10 @@ def save_scene(scene: Scene, path: str | os.PathLike) -> None:
 
 def solid_of(row: Row) -> AnySolid:
     """The solid of a row at rest, with lengths to a micrometer."""
-    threshold, core = float(row[THRESHOLD]), row[CORE]
-    half, disc = core[HALF_EDGES], float(core[DISC])
+    threshold = float(row[THRESHOLD])
+    core = row[CORE]
+    half = core[HALF_EDGES]
+    disc = float(core[DISC])
     quaternion = core[TURN] if core[TURN].any() else [0, 0, 0, 1]
     turn = Rotation.from_quat(quaternion)
     axis = turn.apply([0.0, 0.0, half[2]])

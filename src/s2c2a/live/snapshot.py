@@ -39,7 +39,6 @@ class Snapshot:
         task_step: current step of the task.
         task_steps: number of steps of the task; zero without a task.
         strategy: name of the strategy.
-        compiled: programs compiled by the control process (`programs.compilations`).
         fault: description of the fault, or empty.
     """
 
@@ -53,7 +52,6 @@ class Snapshot:
     task_step: int
     task_steps: int
     strategy: str
-    compiled: int = 0
     fault: str = ""
 
     @property
@@ -101,19 +99,17 @@ class Control(ABC):
             self.request = self.limits.changed(self.request, **changes)
             return self.request
 
-    def halt(self, by: str) -> bool:
+    def halt(self, by: str) -> None:
         """Request a stop, which lasts until `ask(stopped=False)`.
+
+        The control obeys in its next step, if it responds.
 
         Args:
             by: reason, for `halted_by`.
-
-        Returns:
-            Whether the control responds. It obeys in its next step.
         """
         with self._lock:
             self.halted_by = by
             self.ask(stopped=True)
-        return self.responds
 
     def reset(self) -> None:
         """Reopen the robot at rest; moves the target there and ends the task.

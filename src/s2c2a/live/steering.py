@@ -14,15 +14,8 @@ SPEED = 0.25
 An arm of 4 deg a step at 10 Hz bends about as fast."""
 LARGEST_STEP = 0.1  # s; a program that stood still does not make up for it
 EXPIRY = 0.3  # s; a browser repeats its keys every 0.05 s
-AXES = {
-    "right": np.array([1.0, 0.0, 0.0]),
-    "left": np.array([-1.0, 0.0, 0.0]),
-    "forward": np.array([0.0, 1.0, 0.0]),
-    "back": np.array([0.0, -1.0, 0.0]),
-    "up": np.array([0.0, 0.0, 1.0]),
-    "down": np.array([0.0, 0.0, -1.0]),
-}
-"""Directions by name; without a camera in the base frame: x, y and z."""
+
+Vector = Float[np.ndarray, "3"]
 
 
 def largest_speed(arm: ArmSpec) -> float:
@@ -71,10 +64,10 @@ class Steering:
 
 def across_view(
     direction: Point,
-    position: Float[np.ndarray, "3"],
-    look_at: Float[np.ndarray, "3"],
-    up: Float[np.ndarray, "3"],
-) -> Float[np.ndarray, "3"]:
+    position: Vector,
+    look_at: Vector,
+    up: Vector,
+) -> Vector:
     """Turn a direction of a screen to the base frame; forward is level.
 
     Args:

@@ -12,13 +12,13 @@ from s2c2a.live.request import Point
 from s2c2a.planning import reach_gaps
 from s2c2a.spaces import POSITION, Bends, States
 
+POINTS = 400  # of each module; a look
 
-def workspace(
-    arm: ArmSpec, points: int = 400, seed: int = 0
-) -> Float[np.ndarray, "modules points 3"]:
+
+def workspace(arm: ArmSpec) -> Float[np.ndarray, "modules points 3"]:
     """Ends of the modules [m], base frame, for bends sampled from their discs."""
-    random = np.random.default_rng(seed)
-    directions = random.uniform(0, 2 * np.pi, (points, arm.module_count))
+    random = np.random.default_rng(0)
+    directions = random.uniform(0, 2 * np.pi, (POINTS, arm.module_count))
     radii = np.sqrt(random.uniform(0, 1, directions.shape))
     angles = ArmGeometry.of(arm).bend_limits * radii
     states = arcs(arm, bends_of(angles, directions))

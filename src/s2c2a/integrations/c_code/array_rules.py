@@ -56,15 +56,12 @@ def block(statements: Iterable[str]) -> str:
 
 def places_of(values: Values) -> frozenset[Place]:
     """Parts of the workspace that values read."""
-    places: frozenset[Place] = frozenset()
-    for value in values:
-        places |= value.places
-    return places
+    return frozenset().union(*(value.places for value in values))
 
 
 def cheap(writer: Writer, value: Value) -> Value:
     """A value that costs nothing to read again and again."""
-    return writer.stored(value) if value.cost else value
+    return writer.program.stored(value) if value.cost else value
 
 
 def _picked(items: Sequence[Item], axes: Iterable[int]) -> tuple[Item, ...]:
@@ -96,14 +93,6 @@ def _broadcast(writer: Writer, equation: Any, values: Values) -> Values:
 def _squeeze(writer: Writer, equation: Any, values: Values) -> Values:
     dropped = equation.params["dimensions"]
     return [values[0].without(dropped)]
-
-
-@rule("expand_dims")
-def _expand(writer: Writer, equation: Any, values: Values) -> Values:
-    shape = result_shape(equation)
-    new = equation.params["dimensions"]
-    axes = other_axes(len(shape), new)
-    return [values[0].broadcast(shape, axes)]
 
 
 @rule("transpose")
@@ -176,7 +165,7 @@ def _axes_of_one(shape: Shape) -> list[int]:
 @rule("tile")
 def _tile(writer: Writer, equation: Any, values: Values) -> Values:
     kind, shape = output_of(equation)
-    value = writer.stored(values[0])
+    value = writer.program.stored(values[0])
     new = len(shape) - len(value.shape)
 
     def at(indices: Indices) -> str:
@@ -332,7 +321,7 @@ def _accumulate(writer: Writer, equation: Any, values: Values) -> Values:
 def _dynamic_slice(writer: Writer, equation: Any, values: Values) -> Values:
     shape = result_shape(equation)
     operand, *starts = values
-    value = writer.stored(operand)
+    value = writer.program.stored(operand)
     return [_moved(writer, value, shape, starts)]
 
 
@@ -385,8 +374,8 @@ def _gather(writer: Writer, equation: Any, values: Values) -> Values:
     numbers = params["dimension_numbers"]
     result = new_result(writer, equation)
     place, inside = _window_element(
-        writer.stored(values[0]),
-        writer.stored(values[1]),
+        writer.program.stored(values[0]),
+        writer.program.stored(values[1]),
         result.shape,
         numbers.start_index_map,
         numbers.collapsed_slice_dims,
@@ -407,8 +396,8 @@ def _gather(writer: Writer, equation: Any, values: Values) -> Values:
 @rule("scatter", "scatter-add", "scatter_add", "scatter-mul", "scatter_mul")
 def _scatter(writer: Writer, equation: Any, values: Values) -> Values:
     numbers = equation.params["dimension_numbers"]
-    indices = writer.stored(values[1])
-    updates = writer.stored(values[2])
+    indices = writer.program.stored(values[1])
+    updates = writer.program.stored(values[2])
     result = new_result(writer, equation)
     writer.program.assign(result, values[0])
     place, inside = _window_element(
@@ -484,7 +473,7 @@ def _sort(writer: Writer, equation: Any, values: Values) -> Values:
     if not is_top and params["num_keys"] != 1:
         raise S2C2AError("a sort by several keys cannot be exported to C")
     axis = params["axis"] if is_top and "axis" in params else params["dimension"]
-    arrays = [writer.stored(value) for value in values]
+    arrays = [writer.program.stored(value) for value in values]
     keys = arrays[0]
     length = keys.shape[axis]
     order = writer.program.new_array("int32_t", (length,))

@@ -24,7 +24,7 @@ def _scan(writer: Writer, equation: Any, values: Values) -> Values:
     program = writer.program
     fixed = [cheap(writer, value) for value in values[:constants]]
     carry = [writer.program.copied(value) for value in values[constants:read_whole]]
-    rows = [writer.stored(value) for value in values[read_whole:]]
+    rows = [writer.program.stored(value) for value in values[read_whole:]]
     outputs = _new_results(writer, equation, carried)
     index = program.new_name("t")
     with program.body(index) as call, writer.protecting([*carry, *rows, *outputs]):

@@ -26,10 +26,9 @@ def described(variable: Any) -> Any:
     return variable.aval
 
 
-def result_shape(equation: JaxprEqn, number: int = 0) -> tuple[int, ...]:
-    """Shape of a result."""
-    aval = described(equation.outvars[number])
-    return tuple(aval.shape)
+def result_shape(equation: JaxprEqn) -> tuple[int, ...]:
+    """Shape of the first result."""
+    return tuple(described(equation.outvars[0]).shape)
 
 
 def other_axes(rank: int, axes: Container[int]) -> list[int]:

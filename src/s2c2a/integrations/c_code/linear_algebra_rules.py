@@ -22,8 +22,8 @@ SHORT = 4  # elements; a call takes longer over fewer
 @rule("dot_general")
 def _dot(writer: Writer, equation: Any, values: Values) -> Values:
     contracted, batch = equation.params["dimension_numbers"]
-    left = _grouped(writer.stored(values[0]), batch[0], contracted[0])
-    right = _grouped(writer.stored(values[1]), batch[1], contracted[1])
+    left = _grouped(writer.program.stored(values[0]), batch[0], contracted[0])
+    right = _grouped(writer.program.stored(values[1]), batch[1], contracted[1])
     result = new_result(writer, equation)
     shape = result.shape
     outer = index_names(shape)
@@ -102,7 +102,7 @@ def _triangular(writer: Writer, equation: Any, values: Values) -> Values:
     params = equation.params
     if params["conjugate_a"]:
         raise S2C2AError("complex numbers cannot be exported to C")
-    matrix = writer.stored(values[0])
+    matrix = writer.program.stored(values[0])
     result = writer.program.copied(values[1])
     lower = params["lower"]
     is_left = params["left_side"]

@@ -133,7 +133,8 @@ class Program:
         Yields:
             A list that holds the call of the function after the block.
         """
-        outer, self._statements = self._statements, []
+        outer = self._statements
+        self._statements = []
         if loop:
             self._loops.append(loop)
         call: list[str] = []

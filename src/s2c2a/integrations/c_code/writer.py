@@ -19,7 +19,7 @@ from s2c2a.integrations.c_code.jaxprs import (
     simplified,
 )
 from s2c2a.integrations.c_code.program import Program, constant, kind_of
-from s2c2a.integrations.c_code.values import Computed, Indices, Place, Stored, Value
+from s2c2a.integrations.c_code.values import Computed, Indices, Place, Value
 
 MAX_COST = 40  # operations of one expression; compilers take long over larger ones
 
@@ -110,10 +110,6 @@ class Writer:
             number = constant(known.flat[0], kind_of(known.dtype))
             return number.broadcast(known.shape, ())
         return self.program.constants.stored(known)
-
-    def stored(self, value: Value) -> Stored:
-        """The value in memory, if reading it costs anything or it has to be there."""
-        return self.program.stored(value)
 
     @contextmanager
     def protecting(self, values: Iterable[Value | np.ndarray]) -> Iterator[None]:

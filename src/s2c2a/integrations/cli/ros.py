@@ -1,9 +1,7 @@
 """Command `s2c2a ros`: an arm on the topics of ROS 2."""
 
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from functools import partial
-from typing import TYPE_CHECKING, Any
 
 import tyro
 
@@ -16,14 +14,12 @@ from s2c2a.live.cli.driven_arm import (
     print_remarks,
     seed_where_used,
 )
-from s2c2a.live.cli.live import PREPARING, signal_stops, wait_for_interrupt
-from s2c2a.robots.factory import RobotFactory
-
-if TYPE_CHECKING:
-    from s2c2a.arm import ArmSpec
-    from s2c2a.integrations.ros.bridge import RosOptions
-    from s2c2a.live.control import ArmControl
-    from s2c2a.live.process import ControlProcess
+from s2c2a.live.cli.live import (
+    PREPARING,
+    import_and_call,
+    signal_stops,
+    wait_for_interrupt,
+)
 
 
 @seed_where_used
@@ -55,7 +51,11 @@ def ros(
         frame: id of the base frame in messages.
         timeout: time without a target or task after which the arm holds [s].
     """
-    from s2c2a.integrations.ros.bridge import RosOptions
+    from s2c2a.arm import load_arm
+    from s2c2a.integrations.ros.bridge import RosOptions, bridged, open_node
+    from s2c2a.integrations.ros.node import is_local
+    from s2c2a.live.process import ControlProcess
+    from s2c2a.strategies import strategy_named
 
     require("ros", "zenoh", "rosbags")
     options = RosOptions(
@@ -68,65 +68,27 @@ def ros(
     )
     factory = driven.factory()
     print_remarks(driven.weights)
-    control_options = driven.control_options(strategy)
     log = partial(print, flush=True)
-    with running_bridge(arm, factory, options, log, **control_options) as control:
-        wait_for_interrupt()
-    print_end(arm, control)
-
-
-@contextmanager
-def running_bridge(
-    arm: str,
-    factory: RobotFactory,
-    options: "RosOptions",
-    log: Callable[[str], None],
-    strategies: tuple[str, ...] = (),
-    **control_options: Any,
-) -> "Iterator[ControlProcess]":
-    """Run the control process of an arm on the topics of ROS 2; close both at the end.
-
-    Args:
-        arm: a preset or an arm file.
-        factory: the robot.
-        options: how the arm appears.
-        log: gets lines for the user.
-        strategies: without training; the first one drives.
-        control_options: of `arm_control`.
-
-    Raises:
-        S2C2AError: no router, no networks for this arm, or the arm did not open.
-    """
-    from s2c2a.arm import load_arm
-    from s2c2a.integrations.ros.bridge import bridged, open_node
-    from s2c2a.integrations.ros.node import is_local
-    from s2c2a.live.process import ControlProcess
-    from s2c2a.strategies import strategy_named
-
     log(PREPARING.format(arm))
     spec = load_arm(arm)
     build = partial(
-        build_control, spec, factory, strategies=strategies, **control_options
+        import_and_call,
+        "s2c2a.live.control:arm_control",
+        spec,
+        factory,
+        **driven.control_options(strategy),
     )
     with ExitStack() as stack:
         node = stack.enter_context(open_node(options))  # an error comes before the arm
-        if not is_local(options.endpoint):
-            log(f"everybody who reaches {options.endpoint} can move the arm")
+        if not is_local(endpoint):
+            log(f"everybody who reaches {endpoint} can move the arm")
         control = ControlProcess(spec, build)
         stack.enter_context(signal_stops(control))
         stack.callback(control.stop)
         control.wait_until_ready()
-        if strategies:
-            control.use(strategy_named(strategies[0]).name)
+        if strategy:
+            control.use(strategy_named(strategy[0]).name)
         stack.enter_context(bridged(control, node, options, log))
-        log(
-            f"{arm} is on {options.namespace} of domain {options.domain}; Ctrl-C ends it"
-        )
-        yield control
-
-
-def build_control(arm: "ArmSpec", robot: RobotFactory, **options: Any) -> "ArmControl":
-    """The control of an arm, in the process that calls it."""
-    from s2c2a.live.control import arm_control
-
-    return arm_control(arm, robot, **options)
+        log(f"{arm} is on {namespace} of domain {domain}; Ctrl-C ends it")
+        wait_for_interrupt()
+    print_end(arm, control)

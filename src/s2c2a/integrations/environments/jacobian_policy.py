@@ -17,6 +17,7 @@ from jaxtyping import Array, Float
 
 from s2c2a.integrations.environments.spaces import (
     OFFSET_UNIT,
+    BatchValues,
     Controls,
     observation_parts,
 )
@@ -53,9 +54,7 @@ class JacobianPolicy:
         per_module = jax.numpy.einsum("kmi,k->mi", basis, bends)
         return states_from_bends(per_module, self._lengths)[-1, POSITION]
 
-    def actions(
-        self, observations: Float[np.ndarray, "batch values"]
-    ) -> Float[np.ndarray, "batch controls"]:
+    def actions(self, observations: BatchValues) -> Float[np.ndarray, "batch controls"]:
         """Actions of a batch, within [-1, 1]."""
         bends = observations[:, self._parts["commanded_bends"]]
         errors = observations[:, self._parts["goal_offset"]]

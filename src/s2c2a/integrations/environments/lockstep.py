@@ -92,7 +92,9 @@ class Lockstep:
         # a rollout that diverges repeats the state where it stops
         duration = self._times[-1] - self._times[0] / 2
         last_step = starts[:, TIME] + duration
-        return ~(np.isfinite(ends).all(axis=-1) & (ends[:, TIME] > last_step))
+        is_known = np.isfinite(ends).all(axis=-1)
+        has_arrived = ends[:, TIME] > last_step
+        return ~(is_known & has_arrived)
 
     def measure_cables(self) -> Actions:
         """Measurements of the cables, as `SimulatedRobot.measure_cables`."""

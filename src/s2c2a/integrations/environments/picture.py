@@ -34,13 +34,15 @@ def draw(
     canvas = FigureCanvasAgg(figure)
     axes = Axes3D(figure, rect=(0.0, 0.0, 1.0, 1.0))
     figure.add_axes(axes)
-    points = np.vstack([np.zeros(3), center_line(states, ArmGeometry.of(arm).lengths)])
+    lengths = ArmGeometry.of(arm).lengths
+    points = np.vstack([np.zeros(3), center_line(states, lengths)])
     axes.plot(*points.T, color=REAL, linewidth=5)
     direction = states[-1, AXIS]
     axes.quiver(*points[-1], *direction, length=0.1 * arm.length, color=REAL)
     axes.plot(*goal[:, None], color=DESIRED, marker="o", markersize=8)
     if obstacle is not None:
-        sines, cosines = np.sin(CIRCLE), np.cos(CIRCLE)
+        sines = np.sin(CIRCLE)
+        cosines = np.cos(CIRCLE)
         ball = np.stack(
             [
                 np.outer(cosines, sines),

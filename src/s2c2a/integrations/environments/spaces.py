@@ -37,6 +37,7 @@ MAX_VALUE = 10.0  # in the units above, beyond what arms reach; spaces need boun
 VECTORS = ("tip_position", "tip_axis", "goal_offset", "goal_change")
 
 Batch3 = Float[np.ndarray, "batch 3"]
+BatchValues = Float[np.ndarray, "batch values"]
 
 
 @dataclass(frozen=True)
@@ -130,9 +131,7 @@ def observation_parts(controls: Controls) -> dict[str, slice]:
     }
 
 
-def observe(
-    controls: Controls, moment: BatchMoment
-) -> dict[str, Float[np.ndarray, "batch values"]]:
+def observe(controls: Controls, moment: BatchMoment) -> dict[str, BatchValues]:
     """Parts of the observations of a batch; see the table of this module."""
     length = controls.arm.length
     tips = moment.tips
@@ -148,9 +147,7 @@ def observe(
     }
 
 
-def joined(
-    parts: Mapping[str, Float[np.ndarray, "batch values"]],
-) -> Float[np.ndarray, "batch values"]:
+def joined(parts: Mapping[str, BatchValues]) -> BatchValues:
     """One vector for each arm, of float32 and limited, from the parts of observations."""
     values = np.concatenate(list(parts.values()), axis=-1)
     return np.clip(values, -MAX_VALUE, MAX_VALUE).astype(np.float32)

@@ -128,7 +128,8 @@ def export_policy(
     policy = model.policy
     actor = getattr(policy, "actor", None)
     if actor is not None and hasattr(actor, "latent_pi"):
-        modules, squashed = [*actor.latent_pi, actor.mu], True
+        modules = [*actor.latent_pi, actor.mu]
+        squashed = True
     elif hasattr(policy, "action_net"):
         modules = [*policy.mlp_extractor.policy_net, policy.action_net]
         squashed = False

@@ -147,7 +147,8 @@ class Reach(Family):
         held = self.count_of(GOAL_TIME)
         count = -(-(self.steps + 1) // held)
         points = self.tips(self.sample_bends(random, count))
-        return np.vstack([tip, np.repeat(points, held, axis=0)[: self.steps + 1]])
+        repeated = np.repeat(points, held, axis=0)
+        return np.vstack([tip, repeated[: self.steps + 1]])
 
 
 class Follow(Family):
@@ -163,7 +164,8 @@ class Follow(Family):
         moments = np.arange(self.steps + 2) / held
         start = np.minimum(moments.astype(int), count - 2)
         shares = (moments - start)[:, None, None]
-        begin, end = corners[start], corners[start + 1]
+        begin = corners[start]
+        end = corners[start + 1]
         return self.tips(begin * (1.0 - shares) + end * shares)
 
 
@@ -206,7 +208,8 @@ class Avoid(Reach):
         radius = OBSTACLE_SHARE * self.arm.length
         goals = found.goals[1:]
         # between the first two goals, where both can be reached without touching it
-        changes = np.flatnonzero(np.abs(np.diff(goals, axis=0)).max(axis=-1) > 0)
+        steps = np.abs(np.diff(goals, axis=0)).max(axis=-1)
+        changes = np.flatnonzero(steps > 0)
         second = goals[changes[0] + 1] if len(changes) else tip
         center = (goals[0] + second) / 2
         # the center is as far from both
@@ -215,7 +218,8 @@ class Avoid(Reach):
         return Scenario(found.goals, found.forces, np.array([*center, radius]))
 
     def observe(self, moment):
-        centers, radii = moment.obstacles[:, :3], moment.obstacles[:, 3:]
+        centers = moment.obstacles[:, :3]
+        radii = moment.obstacles[:, 3:]
         sphere = np.concatenate([centers - moment.tips, radii], axis=-1)
         return {**super().observe(moment), "obstacle": sphere / self.arm.length}
 

@@ -114,7 +114,8 @@ class VideoStage:
         self.figure.add_axes(self._axes)
         self._axes.set_box_aspect((1, 1, 1))
         x, y, z = self._towards_eye
-        elevation, azimuth = np.arcsin(z), np.arctan2(y, x)
+        elevation = np.arcsin(z)
+        azimuth = np.arctan2(y, x)
         self._axes.view_init(np.rad2deg(elevation), np.rad2deg(azimuth))
         self._axes.set_proj_type("persp", focal_length=1.6)
 

@@ -3,7 +3,7 @@
 import re
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, closing, contextmanager
 from dataclasses import dataclass
 
 from s2c2a.errors import S2C2AError
@@ -62,18 +62,14 @@ class RosOptions:
             )
 
 
-@contextmanager
-def open_node(options: RosOptions) -> Iterator[Node]:
+def open_node(options: RosOptions) -> AbstractContextManager[Node]:
     """A node on the network of the options, closed at the end.
 
     Raises:
         S2C2AError: see `Node`.
     """
     node = Node(options.endpoint, options.domain, options.namespace, options.router)
-    try:
-        yield node
-    finally:
-        node.close()
+    return closing(node)
 
 
 @contextmanager

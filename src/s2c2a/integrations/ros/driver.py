@@ -7,7 +7,6 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from s2c2a.integrations.ros.inbox import Inbox
 from s2c2a.integrations.ros.inputs import Changes, Inputs
 from s2c2a.integrations.ros.messages import (
     MARKERS,
@@ -28,7 +27,8 @@ MAX_RATE = 100.0  # Hz, of changed requests; the control loops run at 10 to 50 H
 LOG_INTERVAL = 1.0  # s between two lines about one topic; a person reads no more
 DRIVING = ("target/point", "target/pose", "task")
 """Topics that show that somebody drives; obstacles alone move nothing."""
-STOP, EMERGENCY = "stop", "emergency_stop"
+STOP = "stop"
+EMERGENCY = "emergency_stop"
 
 Log = Callable[[str], None]
 
@@ -65,7 +65,9 @@ class RosDriver:
             "obstacles": (MARKERS, inputs.obstacles),
             "task": (TEXT, inputs.task),
         }
-        self._inbox = Inbox()
+        self._lock = threading.Lock()
+        self._filled = threading.Event()
+        self._latest: dict[str, bytes] = {}
         self._heard = -float("inf")
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name="inputs", daemon=True)
@@ -81,7 +83,10 @@ class RosDriver:
 
     def put(self, name: str, payload: bytes) -> None:
         """Keep a message until it is its turn; a later one of the topic replaces it."""
-        self._inbox.put(name, payload)
+        with self._lock:
+            self._latest.pop(name, None)  # so that the order is that of arrival
+            self._latest[name] = payload
+            self._filled.set()
 
     def switch(self, name: str, payload: bytes) -> None:
         """Obey a stop at once, in the calling thread; what cannot be read stops too."""
@@ -113,7 +118,12 @@ class RosDriver:
 
     def _run(self) -> None:
         while not self._ended.wait(1.0 / MAX_RATE):
-            for name, payload in self._inbox.take(1.0 / MAX_RATE).items():
+            self._filled.wait(1.0 / MAX_RATE)
+            with self._lock:
+                self._filled.clear()
+                latest = self._latest
+                self._latest = {}
+            for name, payload in latest.items():
                 self._obey(name, payload)
             silent = time.monotonic() - self._heard > self._timeout
             if silent and self._control.request.driven:

@@ -69,12 +69,8 @@ def decode(type_name: str, payload: bytes) -> Any:
         raise MessageError(f"it is no {type_name} ({error!r})") from error
 
 
-def stamp_of(moment: float) -> Any:
-    """A time since 1970 [s] as a stamp."""
-    seconds, nanoseconds = divmod(round(moment * NANOSECONDS), NANOSECONDS)
-    return new("builtin_interfaces/msg/Time", sec=seconds, nanosec=nanoseconds)
-
-
 def header_of(frame: str, moment: float) -> Any:
     """Header of a message in a frame, stamped with a time since 1970 [s]."""
-    return new("std_msgs/msg/Header", stamp=stamp_of(moment), frame_id=frame)
+    seconds, nanoseconds = divmod(round(moment * NANOSECONDS), NANOSECONDS)
+    stamp = new("builtin_interfaces/msg/Time", sec=seconds, nanosec=nanoseconds)
+    return new("std_msgs/msg/Header", stamp=stamp, frame_id=frame)

@@ -27,9 +27,7 @@ class Node:
     it listens at the endpoint and connects to nobody. It never searches the network.
     """
 
-    def __init__(
-        self, endpoint: str, domain: int, namespace: str, router: bool = False
-    ):
+    def __init__(self, endpoint: str, domain: int, namespace: str, router: bool):
         """Connect to the router at an endpoint, or be the router there.
 
         Args:

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterable, Sequence
-from itertools import count
 from typing import Any
 
 import numpy as np
@@ -86,13 +85,10 @@ class Outputs:
     def markers(self, snapshot: Snapshot, request: Request, moment: float) -> Any:
         """The arm, its target and its obstacles, instead of all markers of before."""
         header = header_of(self.frame, moment)
-        parts = [*self._solids(snapshot, request), *self._obstacles(snapshot, request)]
-        numbers = count()
-        everything = {"header": header, "namespace": "s2c2a"}
-        markers = [_marker(**everything, action=DELETE_ALL, number=next(numbers))]
-        markers += [
-            _marker(**everything, number=next(numbers), **part) for part in parts
-        ]
+        parts: list[dict[str, Any]] = [{"action": DELETE_ALL}]
+        parts += self._solids(snapshot, request)
+        parts += self._obstacles(snapshot, request)
+        markers = [_marker(header, number, **part) for number, part in enumerate(parts)]
         return new(MARKERS, markers=markers)
 
     def status(
@@ -201,7 +197,6 @@ def turn_to(axis: np.ndarray) -> np.ndarray:
 
 def _marker(
     header: Any,
-    namespace: str,
     number: int,
     kind: int = SPHERE,
     action: int = 0,
@@ -220,7 +215,7 @@ def _marker(
     return new(
         "visualization_msgs/msg/Marker",
         header=header,
-        ns=namespace,
+        ns="s2c2a",
         id=number,
         type=kind,
         action=action,

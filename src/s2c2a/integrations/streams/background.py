@@ -47,7 +47,8 @@ def shown_in_background(arm: ArmSpec, show: Show) -> Iterator[OnStep]:
 
 def _show_all(arm: ArmSpec, waiting: Queue[StepRecord | None], show: Show) -> None:
     """Show steps until None, or an error of the viewer."""
-    start, end = 0.0, -math.inf
+    start = 0.0
+    end = -math.inf
     while (record := waiting.get()) is not None:
         time = record.reading.time
         if not math.isfinite(time):

@@ -22,31 +22,11 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class _DrivenRobot:
-    """The robot that is driven.
-
-    Attributes:
-        seed: random seed of the simulated noise.
-    """
-
-    robot: RobotName = "sim"
-    robot_option: RobotOptions = ()
-    tracking: TrackingSource = ""
-    fidelity: FidelityName = "fast"
-    seed: int = 0
-
-    def factory(self) -> RobotFactory:
-        """The robot, which is not opened."""
-        return robot_factory_for(
-            self.robot, self.robot_option, self.fidelity, tracking=self.tracking
-        )
-
-
-@dataclass(frozen=True)
-class _DrivenArm(_DrivenRobot):
+class _DrivenArm:
     """The robot that is driven, and its control.
 
     Attributes:
+        seed: random seed of the simulated noise.
         weights: files from `s2c2a train`, or "shipped" for the networks of the package;
             the first one drives. By default shipped networks for an arm that has
             them, and `pcc` for others.
@@ -55,9 +35,20 @@ class _DrivenArm(_DrivenRobot):
             then it holds its position.
     """
 
+    robot: RobotName = "sim"
+    robot_option: RobotOptions = ()
+    tracking: TrackingSource = ""
+    fidelity: FidelityName = "fast"
+    seed: int = 0
     weights: tuple[str, ...] = ()
     guard: GuardName = "tip"
     release_after: float = 10.0
+
+    def factory(self) -> RobotFactory:
+        """The robot, which is not opened."""
+        return robot_factory_for(
+            self.robot, self.robot_option, self.fidelity, tracking=self.tracking
+        )
 
     def control_options(self, strategies: tuple[str, ...]) -> dict[str, Any]:
         """Options of `arm_control`."""
@@ -70,9 +61,7 @@ class _DrivenArm(_DrivenRobot):
         }
 
 
-SIMULATED = _DrivenRobot()
 SIMULATED_ARM = _DrivenArm()
-DrivenRobot = Annotated[_DrivenRobot, tyro.conf.arg(name="")]
 DrivenArm = Annotated[_DrivenArm, tyro.conf.arg(name="")]
 
 seed_where_used = effective(

@@ -138,7 +138,7 @@ def running_page(
     robot = factory or robot_factory_for("sim", ())
     with ExitStack() as stack:
         build = partial(
-            _import_and_call, "s2c2a.live.control:arm_control", spec, robot, **options
+            import_and_call, "s2c2a.live.control:arm_control", spec, robot, **options
         )
         control = ControlProcess(spec, build)
         # before the arm opens, and until it is at rest again
@@ -147,7 +147,7 @@ def running_page(
         # this import runs while the control process does its own
         from s2c2a.live.page import LivePage
 
-        survey = partial(_import_and_call, "s2c2a.live.workspace:survey", spec)
+        survey = partial(import_and_call, "s2c2a.live.workspace:survey", spec)
         page = LivePage(control, port, out, survey, host)
         stack.callback(page.close)
         on_message(f"open {page.gate.address}")
@@ -171,6 +171,6 @@ def signal_stops(control: "ControlProcess") -> "Iterator[None]":
         signal.signal(signal.SIGUSR1, before)
 
 
-def _import_and_call(name: str, *arguments: Any, **options: Any) -> Any:
+def import_and_call(name: str, *arguments: Any, **options: Any) -> Any:
     """Import a function when it is called, in the process that calls it."""
     return resolve_name(name)(*arguments, **options)

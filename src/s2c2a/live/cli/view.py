@@ -60,7 +60,6 @@ def open_window(what: tuple[str, ...], port: int) -> "Window":
     if all(Path(name).is_dir() or name.endswith(ENDING) for name in what):
         # window that compares runs, or shows one recording
         from s2c2a import data, episodes, viz
-        from s2c2a.live import viewing
         from s2c2a.runtime.step_writer import PIECES, joined
 
         files = _episode_files(what)
