@@ -65,25 +65,20 @@ def covering_motion(exploration: Exploration) -> Bends:
     Some targets are nominal plans for random positions of the tip, the others are
     independent bends. Some stretches are slow, and others hold, so that creep shows.
     """
+    geometry = exploration.geometry
+    random = exploration.random
     # enough for stretches of a full bend at the highest speed; longer motions repeat
     count = 2 + int(exploration.samples * exploration.speeds[1])
-    targets = coverage_targets(exploration.geometry, count, exploration.random)
-    return motion_through(targets, exploration)
-
-
-def coverage_targets(
-    geometry: ArmGeometry, count: int, random: np.random.Generator
-) -> Float[np.ndarray, "targets modules 2"]:
-    """Random targets of coverage, in shares of the full bend."""
-    # many independent bends are full, as in plans for distant positions
     shape = (count, len(geometry.lengths))
+    # many independent bends are full, as in plans for distant positions
     bends = disc_points(random, shape)
     full = bends / np.linalg.norm(bends, axis=-1, keepdims=True)
     is_full = random.uniform(size=shape) < FULL_SHARE
     independent = np.where(is_full[..., None], full, bends)
     planned = nominal_plans(geometry, count, random)
     chosen = random.uniform(size=count) < PLANNED_SHARE
-    return np.where(chosen[:, None, None], planned, independent)
+    targets = np.where(chosen[:, None, None], planned, independent)
+    return motion_through(targets, exploration)
 
 
 def motion_through(
