@@ -86,12 +86,13 @@ class SumAndRange(FromArm):
             geometry.action_high,
         )
         converted = [jax.device_put(np.asarray(array, np.float32)) for array in arrays]
+        matrices, inverses, neutral, unit, low, high = converted
         is_full = bool(cables_present(arm).all())
         even = arm.cable_count == 3 and is_full and evenly_spaced
         balance = None
         if geometry.balance is not None:
             balance = jnp.asarray(geometry.balance, dtype=jnp.float32)
-        return cls(*converted, balance, even)
+        return cls(matrices, inverses, neutral, unit, low, high, balance, even)
 
     def __call__(
         self, raw: Float[Array, "*batch modules cables"]
