@@ -3,7 +3,6 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
-import pytest
 
 from s2c2a.estimation import kalman
 
@@ -75,11 +74,3 @@ def test_the_covariance_stays_positive_in_single_precision():
         )
         covariance = np.asarray(covariance)
         assert np.linalg.eigvalsh((covariance + covariance.T) / 2).min() > -1e-3
-
-
-def test_innovations_are_normalized_by_their_own_standard_deviations():
-    residual = np.array([0.3, 4.0, 0.0])
-    covariance = np.diag([0.01, 4.0, 1.0])
-    present = np.array([True, True, False])
-    size = kalman.normalized_innovation(residual, covariance, present)
-    assert float(size) == pytest.approx(np.sqrt((3.0**2 + 2.0**2) / 2.0))

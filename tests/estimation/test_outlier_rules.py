@@ -39,6 +39,17 @@ def test_rule_1_an_innovation_beyond_the_gate_is_an_outlier(factor, is_outlier):
     assert bool(is_beyond_gate(residual, jnp.diag(std**2), PRESENT)) is is_outlier
 
 
+@pytest.mark.parametrize(("factor", "is_outlier"), [(0.99, False), (1.01, True)])
+def test_rule_1_takes_the_root_mean_square_of_the_values_that_are_present(
+    factor, is_outlier
+):
+    # 3 and 2 standard deviations, whose root mean square is sqrt(6.5)
+    residual = factor * NOISE_LIMIT / np.sqrt(6.5) * jnp.array([0.3, 4.0, 0.0])
+    covariance = jnp.diag(jnp.array([0.01, 4.0, 1.0]))
+    present = jnp.array([True, True, False])
+    assert bool(is_beyond_gate(residual, covariance, present)) is is_outlier
+
+
 def test_rule_1_missing_values_do_not_dilute_an_outlier():
     residual = jnp.array([1.01 * NOISE_LIMIT, 0.0])
     one = jnp.array([True, False])

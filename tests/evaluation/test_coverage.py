@@ -7,8 +7,9 @@ import pytest
 from s2c2a.arm import ArmGeometry
 from s2c2a.episodes import Episode
 from s2c2a.errors import ReadingError
-from s2c2a.evaluation.coverage import Coverage, random_bends
+from s2c2a.evaluation.coverage import RANDOM_SHAPES, Coverage
 from s2c2a.kinematics import PCC, states_from_bends
+from s2c2a.paper import disc_points
 
 
 @pytest.fixture
@@ -59,7 +60,8 @@ def test_speeds_are_those_of_the_fastest_module_within_each_episode(recorded):
 
 def test_more_random_shapes_reach_more(recorded, make_arm):
     limits = ArmGeometry.of(make_arm(2)).bend_limits
-    bends = random_bends(limits, seed=1)
+    points = disc_points(np.random.default_rng(1), (RANDOM_SHAPES, 2))
+    bends = limits[:, None] * points
     few = Coverage.of([recorded(bends[:20])])
     many = Coverage.of([recorded(bends)])
     for share in (Coverage.reached_bends, Coverage.reached_tips):

@@ -1,8 +1,7 @@
 """Random exploration of an arm: staged and motor babbling, and coverage."""
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -43,60 +42,43 @@ class Exploration(NamedTuple):
     speeds: tuple[float, float]
 
 
-class Babbling(ABC):
-    """Random bends of the modules over time."""
-
-    @abstractmethod
-    def bends(self, exploration: Exploration) -> Bends:
-        """Bends of one episode, in shares of the full bend."""
-
-
-@dataclass(frozen=True)
-class MixedPaths(Babbling):
+def mixed_paths(
+    shares_at: Callable[[int, float], Shares], exploration: Exploration
+) -> Bends:
     """Bends that mix random paths.
 
-    Attributes:
-        shares: share of each path in each module's bend, from the number of modules and
-            the progress of the recording.
+    Args:
+        shares_at: share of each path in each module's bend, from the number of modules
+            and the progress of the recording.
+        exploration: of the episode.
     """
-
-    shares: Callable[[int, float], Shares]
-
-    def bends(self, exploration: Exploration) -> Bends:
-        modules = len(exploration.geometry.lengths)
-        shares = self.shares(modules, exploration.progress)
-        return mixed_bends(
-            shares, exploration.samples, exploration.random, exploration.speeds
-        )
+    modules = len(exploration.geometry.lengths)
+    shares = shares_at(modules, exploration.progress)
+    return mixed_bends(
+        shares, exploration.samples, exploration.random, exploration.speeds
+    )
 
 
-class CoverageBabbling(Babbling):
+def covering_motion(exploration: Exploration) -> Bends:
     """Motion through targets that cover the configurations of plans, with opposed bends.
 
     Some targets are nominal plans for random positions of the tip, the others are
     independent bends. Some stretches are slow, and others hold, so that creep shows.
     """
-
-    def bends(self, exploration: Exploration) -> Bends:
-        # enough for stretches of a full bend at the highest speed; longer motions repeat
-        count = 2 + int(exploration.samples * exploration.speeds[1])
-        targets = coverage_targets(exploration.geometry, count, exploration.random)
-        return motion_through(targets, exploration)
-
-
-def coverage_targets(
-    geometry: ArmGeometry, count: int, random: np.random.Generator
-) -> Float[np.ndarray, "targets modules 2"]:
-    """Random targets of coverage, in shares of the full bend."""
-    # many independent bends are full, as in plans for distant positions
+    geometry = exploration.geometry
+    random = exploration.random
+    # enough for stretches of a full bend at the highest speed; longer motions repeat
+    count = 2 + int(exploration.samples * exploration.speeds[1])
     shape = (count, len(geometry.lengths))
+    # many independent bends are full, as in plans for distant positions
     bends = disc_points(random, shape)
     full = bends / np.linalg.norm(bends, axis=-1, keepdims=True)
     is_full = random.uniform(size=shape) < FULL_SHARE
     independent = np.where(is_full[..., None], full, bends)
     planned = nominal_plans(geometry, count, random)
     chosen = random.uniform(size=count) < PLANNED_SHARE
-    return np.where(chosen[:, None, None], planned, independent)
+    targets = np.where(chosen[:, None, None], planned, independent)
+    return motion_through(targets, exploration)
 
 
 def motion_through(
@@ -172,7 +154,7 @@ def episode_actions(
     """
     random = np.random.default_rng(np.random.SeedSequence([seed, episode]))
     exploration = Exploration(geometry, episode / episodes, samples, random, speeds)
-    actions = geometry.actions_at(BABBLING[babbling].bends(exploration))
+    actions = geometry.actions_at(BABBLING[babbling](exploration))
     return np.clip(actions, geometry.action_low, geometry.action_high)
 
 
@@ -181,9 +163,9 @@ def _motor(modules: int, progress: float) -> Shares:
     return np.eye(modules)
 
 
-BABBLING: dict[str, Babbling] = {
-    "staged": MixedPaths(staged_shares),
-    "motor": MixedPaths(_motor),
-    "coverage": CoverageBabbling(),
+BABBLING: dict[str, Callable[[Exploration], Bends]] = {
+    "staged": partial(mixed_paths, staged_shares),
+    "motor": partial(mixed_paths, _motor),
+    "coverage": covering_motion,
 }
-"""Babbling by name."""
+"""Babbling by name: bends of an episode, in shares of the full bend."""

@@ -330,7 +330,15 @@ class DisturbanceFilter(eqx.Module):
             state.covariance, jacobian, innovation.std
         )
         per_kg = jnp.where(is_present, innovation.jacobian @ by_payload, 0.0)
-        change = self._payload_change(state.mean, residual, covariance, per_kg)
+        if self.estimates:
+            # maximum a posteriori change of the payload, from the residual [kg]
+            weights = jnp.linalg.solve(covariance, per_kg)
+            change = (weights @ residual) / (weights @ per_kg + 1.0 / self.mass**2)
+            largest = self.options.max_payload * self.mass
+            payload = state.mean.payload
+            change = jnp.clip(change, -payload, largest - payload)
+        else:
+            change = jnp.zeros(())
         unexplained = residual - per_kg * change
         is_outlier = is_beyond_gate(unexplained, covariance, is_present)
         compared = Compared(
@@ -395,21 +403,6 @@ class DisturbanceFilter(eqx.Module):
 
         is_used = is_present.any() & is_trusted & is_later
         return jax.lax.cond(is_used, taught, lambda: field)
-
-    def _payload_change(
-        self,
-        mean: ArmState,
-        residual: Float[Array, " values"],
-        covariance: Float[Array, "values values"],
-        per_kg: Float[Array, " values"],
-    ) -> Float[Array, ""]:
-        """Maximum a posteriori change of the payload, from the residual [kg]."""
-        if not self.estimates:
-            return jnp.zeros(())
-        weights = jnp.linalg.solve(covariance, per_kg)
-        change = (weights @ residual) / (weights @ per_kg + 1.0 / self.mass**2)
-        largest = self.options.max_payload * self.mass
-        return jnp.clip(change, -mean.payload, largest - mean.payload)
 
     def unused(self, state: FilterState) -> dict[str, Bool[Array, ""]]:
         """Whether each sensor is rejected, or has given no measurement for too long."""

@@ -2,7 +2,7 @@
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 
 def predict(
@@ -58,13 +58,3 @@ def update(
     noise = innovation_cov - jacobian @ covariance @ jacobian.T
     updated = remaining @ covariance @ remaining.T + gain @ noise @ gain.T
     return jnp.asarray(mean + gain @ residual), jnp.asarray(updated)
-
-
-def normalized_innovation(
-    residual: Float[Array | np.ndarray, " values"],
-    innovation_cov: Float[Array | np.ndarray, "values values"],
-    is_present: Bool[Array | np.ndarray, " values"],
-) -> Float[Array, ""]:
-    """Root mean square of the residuals in standard deviations of each."""
-    squared = jnp.sum(residual**2 / jnp.diag(innovation_cov))
-    return jnp.sqrt(squared / jnp.maximum(is_present.sum(), 1))

@@ -57,12 +57,10 @@ class ModalStep(NamedTuple):
     Attributes:
         transition: A, shape (2 n, 2 n), with n = 2 modules.
         input: B, shape (2 n, n).
-        stiffness: K [N m], shape (n, n).
     """
 
     transition: Float[np.ndarray, "states states"]
     input: Float[np.ndarray, "states bends"]
-    stiffness: Float[np.ndarray, "bends bends"]
 
 
 class LinearizedArm(NamedTuple):
@@ -144,7 +142,7 @@ def modal_step(arm: LinearizedArm, factors: ModalFactors, period: float) -> Moda
     rates[bends : 2 * bends, bends : 2 * bends] = -inverse_mass @ damping
     rates[bends : 2 * bends, 2 * bends :] = inverse_mass @ stiffness
     step = scipy.linalg.expm(rates * period)[: 2 * bends]
-    return ModalStep(step[:, : 2 * bends], step[:, 2 * bends :], stiffness)
+    return ModalStep(step[:, : 2 * bends], step[:, 2 * bends :])
 
 
 def _masses(arm: LinearizedArm) -> Float[np.ndarray, "bends bends"]:

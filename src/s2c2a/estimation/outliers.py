@@ -12,7 +12,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from s2c2a.estimation import kalman
 from s2c2a.estimation.sensor_models.base import EMPTY, Innovation
 from s2c2a.files.text import LARGEST
 from s2c2a.spaces import NOISE_LIMIT
@@ -71,8 +70,12 @@ def is_beyond_gate(
     covariance: Float[Array, "values values"],
     is_present: Bool[Array, " values"],
 ) -> Bool[Array, ""]:
-    """Rule 1: the normalized innovation exceeds the gate."""
-    return kalman.normalized_innovation(residual, covariance, is_present) > NOISE_LIMIT
+    """Rule 1: the normalized innovation exceeds the gate.
+
+    It is the root mean square of the residuals in standard deviations of each.
+    """
+    squared = jnp.sum(residual**2 / jnp.diag(covariance))
+    return jnp.sqrt(squared / jnp.maximum(is_present.sum(), 1)) > NOISE_LIMIT
 
 
 def is_beyond_range(compared: Compared) -> Bool[Array, ""]:

@@ -147,16 +147,11 @@ class Coverage:
         return _reached(wanted, self.tips, NEAR_TIP * self.arm.length, 2.0)
 
     def _random_bends(self, limits: Float[np.ndarray, " modules"]) -> Bends:
-        """Random bends of this arm [rad]."""
+        """Random bends of this arm [rad], uniform in discs whose radii are the limits."""
+        random = np.random.default_rng(0)
+        points = disc_points(random, (RANDOM_SHAPES, len(limits)))
         steerable = ArmGeometry.of(self.arm).steerable
-        return np.asarray(commanded_part(random_bends(limits), steerable))
-
-
-def random_bends(limits: Float[np.ndarray, " modules"], seed: int = 0) -> Bends:
-    """Bends [rad], uniform in discs whose radii are the limits."""
-    random = np.random.default_rng(seed)
-    points = disc_points(random, (RANDOM_SHAPES, len(limits)))
-    return limits[:, None] * points
+        return np.asarray(commanded_part(limits[:, None] * points, steerable))
 
 
 def _finite_rows(values: np.ndarray) -> np.ndarray:

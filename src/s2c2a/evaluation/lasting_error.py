@@ -54,7 +54,19 @@ def describe_lasting_error(episode: Episode) -> str:
     steps = last[has_plan[last]]
     if not len(steps):
         return ""
-    error, plan, tracking, model = _distances(episode, steps)
+    # typical distances along the chain [m]; of the true arm NaN if unknown
+    goals = episode["desired_positions"][steps]
+    predicted = episode["predicted"][steps][..., POSITION]
+    plan = float(np.median(episode["plan_error"][steps]))
+    tracked = module_ends(episode.arm, episode["sensed"][steps + 1])
+    planned = module_ends(episode.arm, episode["planned"][steps])
+    tracking = _median_distance(tracked, planned, goals)
+    error = max(plan, tracking)
+    model = np.nan
+    if "states" in episode.sensors:
+        states = episode.sensor("states")[steps + 1][..., POSITION]
+        error = _median_distance(states, goals, goals)
+        model = _median_distance(states - predicted, tracked - planned, goals)
     if not error > SIGNIFICANT * episode.arm.length:
         return ""
     text = (
@@ -68,24 +80,6 @@ def describe_lasting_error(episode: Episode) -> str:
         f"{text}, the true arm {100 * model:.1f} cm from where the forward model "
         "predicts it"
     )
-
-
-def _distances(
-    episode: Episode, steps: np.ndarray
-) -> tuple[float, float, float, float]:
-    """Error, and typical distances along the chain [m]; of the true arm NaN if unknown."""
-    goals = episode["desired_positions"][steps]
-    predicted = episode["predicted"][steps][..., POSITION]
-    plan = float(np.median(episode["plan_error"][steps]))
-    tracked = module_ends(episode.arm, episode["sensed"][steps + 1])
-    planned = module_ends(episode.arm, episode["planned"][steps])
-    tracking = _median_distance(tracked, planned, goals)
-    if "states" not in episode.sensors:
-        return max(plan, tracking), plan, tracking, np.nan
-    states = episode.sensor("states")[steps + 1][..., POSITION]
-    error = _median_distance(states, goals, goals)
-    model = _median_distance(states - predicted, tracked - planned, goals)
-    return error, plan, tracking, model
 
 
 def module_ends(arm: ArmSpec, configurations: Configurations) -> np.ndarray:

@@ -39,7 +39,8 @@ def position_errors(states: States, desired: Desired, module: int = -1) -> PerSt
 
 def tilts_deg(axes: Vectors) -> PerStep:
     """Angles between axes and the vertical [deg]."""
-    return np.rad2deg(np.arctan2(np.linalg.norm(axes[:, :2], axis=-1), axes[:, 2]))
+    lateral = np.linalg.norm(axes[:, :2], axis=-1)
+    return np.rad2deg(np.arctan2(lateral, axes[:, 2]))
 
 
 def tilt_errors_deg(states: States, desired: Desired, module: int = -1) -> PerStep:
@@ -47,7 +48,8 @@ def tilt_errors_deg(states: States, desired: Desired, module: int = -1) -> PerSt
 
     The paper's "orientation error (z)".
     """
-    return np.abs(tilts_deg(states[:, module, AXIS]) - tilts_deg(desired[:, module]))
+    true = tilts_deg(states[:, module, AXIS])
+    return np.abs(true - tilts_deg(desired[:, module]))
 
 
 def azimuth_errors_deg(states: States, desired: Desired, module: int = -1) -> PerStep:

@@ -45,7 +45,6 @@ class ChainC2S(ForwardModel):
             (2 modules, 2 modules).
         network: the residual of the structure.
         statics: whether cables only pull.
-        engaged: whether gradients are those of taut cables that follow their motors.
     """
 
     body: Trunk
@@ -54,7 +53,6 @@ class ChainC2S(ForwardModel):
     mixing: Float[Array, "bends bends"]
     network: eqx.nn.MLP
     statics: bool = eqx.field(static=True)
-    engaged: bool = eqx.field(static=True, default=False)
 
     @property
     def takes_payload(self) -> bool:
@@ -62,8 +60,7 @@ class ChainC2S(ForwardModel):
 
     def for_planning(self) -> "ChainC2S":
         """See `ForwardModel`: with gradients of taut cables that follow their motors."""
-        hysteresis = replace(self.hysteresis, engaged=True)
-        return replace(self, hysteresis=hysteresis, engaged=True)
+        return replace(self, hysteresis=replace(self.hysteresis, engaged=True))
 
     def near(
         self,
@@ -261,7 +258,7 @@ class ChainC2S(ForwardModel):
                 self.body.matrices,
                 softness,
                 rest,
-                self.engaged,
+                self.hysteresis.engaged,
                 is_first=number == 0,
             )
             # the network sees the arm without payload

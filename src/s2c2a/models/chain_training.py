@@ -146,10 +146,8 @@ class ChainOptions(ForwardOptions):
         network_key, fit_key = jax.random.split(key)
         model = self.untrained(data.arm, network_key)
         split = hysteresis_samples(model, data)
-        samples = split.training
-        known = samples.rows(np.isfinite(samples.targets).any(axis=(1, 2)))
-        if np.isfinite(known.targets).all():
-            model = _with_fitted_hysteresis(model, known)
+        if np.isfinite(split.training.targets).all():
+            model = _with_fitted_hysteresis(model, split.training)
         loss = _ChainLoss(jnp.asarray(ridge))
         return train(model, loss, predicted_targets, split, fit, fit_key, progress)
 

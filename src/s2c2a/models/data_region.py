@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from s2c2a.models.residual_process import matern, precision_root
+from s2c2a.models.residual_process import matern, precisions
 from s2c2a.training.fit import Fixed
 
 LENGTH = 4.0  # of the kernel, in standard deviations of each feature
@@ -90,11 +90,12 @@ def fit_region(
     rates = 1.0 / (LENGTH * np.maximum(width, min_width))
     scaled = (features - center).astype(np.float64) * rates
     inducing = scaled[np.linspace(0, len(scaled) - 1, points).astype(int)]
+    root, *_ = precisions(scaled, inducing, NOISE)
     region = DataRegion(
         center=jnp.asarray(center, jnp.float32),
         rates=jnp.asarray(rates, jnp.float32),
         points=jnp.asarray(inducing, jnp.float32),
-        root=jnp.asarray(precision_root(scaled, inducing, NOISE), jnp.float32),
+        root=jnp.asarray(root, jnp.float32),
         usual=jnp.zeros(()),
     )
     variances = region.relative_variance(jnp.asarray(held_out, jnp.float32))

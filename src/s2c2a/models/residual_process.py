@@ -121,9 +121,12 @@ class ResidualProcess(Fixed):
         scale = np.asarray(self.scale, np.float64)[known]
         scaled = (features[complete] - np.asarray(self.center)) * np.asarray(self.rates)
         noise = float(self.noise / self.amplitude)
-        points, weights, root = _posterior(
-            scaled, (y - mean) / scale, noise, len(self.points)
-        )
+        # evenly spaced in time
+        rows = np.linspace(0, len(scaled) - 1, len(self.points)).astype(int)
+        points = scaled[rows]
+        root, posterior, kernel = precisions(scaled, points, noise)
+        normalized = (y - mean) / scale
+        weights = np.linalg.solve(posterior, kernel.T @ normalized / noise)
 
         def for_all_outputs(values: np.ndarray) -> Array:
             outputs = np.zeros((*values.shape[:-1], len(known)), np.float32)
@@ -289,59 +292,33 @@ def _negative_log_likelihood(
     return misfit + jnp.sum(jnp.log(jnp.diag(root))) / len(y)
 
 
-def _posterior(
-    x: Float[np.ndarray, "samples features"],
-    y: Float[np.ndarray, "samples outputs"],
-    noise: float,
-    count: int,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Inducing points, weights and root of a process with a kernel of variance one.
-
-    Args:
-        x: scaled features, in order of time.
-        y: normalized targets.
-        noise: variance of a sample.
-        count: number of inducing points, evenly spaced in time.
-    """
-    points = x[np.linspace(0, len(x) - 1, count).astype(int)]
-    prior, posterior, kernel = _precisions(x, points, noise)
-    weights = np.linalg.solve(posterior, kernel.T @ y / noise)
-    return points, weights, _root(prior, posterior)
-
-
-def precision_root(
+def precisions(
     samples: Float[np.ndarray, "samples features"],
     points: Float[np.ndarray, "points features"],
     noise: float,
-) -> Float[np.ndarray, "points points"]:
-    """R, where R R' is the precision that samples add at inducing points.
-
-    The posterior variance of a process with a kernel k of variance one is 1 - |k R|^2.
-    The square itself would exceed single precision.
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What samples tell at inducing points, of a process with a kernel of variance one.
 
     Args:
         samples: scaled features.
         points: scaled features of the inducing points.
         noise: variance of a sample.
+
+    Returns:
+        R, where R R' is the precision that the samples add at the points, shape (points,
+        points): the posterior variance at a kernel k is 1 - |k R|^2, and the square
+        itself would exceed single precision; the kernel of the points with the samples,
+        same shape; and that from samples to points.
     """
-    prior, posterior, _kernel = _precisions(samples, points, noise)
-    return _root(prior, posterior)
-
-
-def _precisions(
-    samples: np.ndarray, points: np.ndarray, noise: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Kernel of the points, the same with samples, and kernel from samples to points."""
     prior = _single_matern(points, points) + JITTER * np.eye(len(points))
     kernel = _single_matern(samples, points)
-    return prior, prior + kernel.T @ kernel / noise, kernel
+    posterior = prior + kernel.T @ kernel / noise
+    added = np.linalg.inv(prior) - np.linalg.inv(posterior)
+    values, vectors = np.linalg.eigh(added)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    return root, posterior, kernel
 
 
 def _single_matern(x: np.ndarray, points: np.ndarray) -> np.ndarray:
     """The kernel as it is used later: rounded to single precision."""
     return matern(x.astype(np.float32), points.astype(np.float32)).astype(np.float64)
-
-
-def _root(prior: np.ndarray, posterior: np.ndarray) -> np.ndarray:
-    values, vectors = np.linalg.eigh(np.linalg.inv(prior) - np.linalg.inv(posterior))
-    return vectors * np.sqrt(np.maximum(values, 0.0))

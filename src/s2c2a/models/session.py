@@ -8,6 +8,7 @@ of the modules. `SessionC2S` wraps the model of the training with them.
 from dataclasses import replace
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -19,7 +20,7 @@ from s2c2a.kinematics.bends import (
 )
 from s2c2a.models.disturbances import Disturbances
 from s2c2a.models.forward_model import ForwardModel, Memory, WrappedModel
-from s2c2a.models.trunk import on_another_day
+from s2c2a.models.trunk import Trunk
 from s2c2a.spaces import AXIS, POSITION
 
 
@@ -76,8 +77,18 @@ class SessionC2S(WrappedModel):
 
     @classmethod
     def of(cls, model: ForwardModel, change: DayChange) -> "SessionC2S":
-        """A model after a change."""
-        return cls(on_another_day(model, change.slack, change.softness), change)
+        """A model after a change; one without a trunk has neither slack nor softness."""
+
+        def on_the_day(part):
+            if not isinstance(part, Trunk):
+                return part
+            softness = jnp.exp(change.softness)
+            return replace(part, slack=change.slack, softness=softness)
+
+        trained = jax.tree.map(
+            on_the_day, model, is_leaf=lambda part: isinstance(part, Trunk)
+        )
+        return cls(trained, change)
 
     @property
     def inner(self) -> ForwardModel:

@@ -239,7 +239,8 @@ class _Residuals:
                 gradient += weight * np.einsum("tki,tk->i", slope, error)
             numbers += scales * np.linalg.solve(precision, gradient)
         # of an estimate whose samples tell less than it takes them for
-        noise = np.eye(len(numbers)) + duration * (precision - np.eye(len(numbers)))
+        prior = np.eye(len(numbers))
+        noise = prior + duration * (precision - prior)
         covariance = np.linalg.solve(precision, noise) @ np.linalg.inv(precision)
         covariance *= np.outer(scales, scales)
         change = self._as_change(jnp.asarray(numbers, jnp.float32))

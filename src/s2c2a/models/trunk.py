@@ -1,8 +1,5 @@
 """Constants of a forward model from the arm file: lengths, cables, masses."""
 
-from dataclasses import replace
-from typing import TypeVar
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -13,7 +10,6 @@ from s2c2a.arm.geometry import per_module
 from s2c2a.kinematics import bends_from_cables, bends_from_configurations
 from s2c2a.training.fit import FromArm
 
-Model = TypeVar("Model")
 TAUT = 0.5  # typical share of cables that are taut
 
 
@@ -88,22 +84,3 @@ class Trunk(FromArm):
     ) -> Float[Array, "*batch modules 2"]:
         """Bends of cable displacements [rad], shape (*batch, modules, 2)."""
         return bends_from_cables(self.inverses, displacements)
-
-
-def on_another_day(
-    model: Model, slack: Float[Array, " modules"], softness: Float[Array, " modules"]
-) -> Model:
-    """A model with so much slack of its cables [rad], of modules so much softer.
-
-    Args:
-        model: of the training; one without a trunk stays as it is.
-        slack: see `Trunk`.
-        softness: logarithm of that of `Trunk`.
-    """
-
-    def on_the_day(part):
-        if not isinstance(part, Trunk):
-            return part
-        return replace(part, slack=slack, softness=jnp.exp(softness))
-
-    return jax.tree.map(on_the_day, model, is_leaf=lambda part: isinstance(part, Trunk))

@@ -17,7 +17,6 @@ The forward model stands in the program once: each pass of one loop evaluates it
 slopes, at the last plan and all knots. The last pass predicts what was planned.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -178,9 +177,7 @@ class Horizon(Solver):
         bends = problem.situation.last.bends
         memories = jax.lax.cond(
             is_first | is_last,
-            lambda: memories_along(
-                problem.observe, problem.memory, bends, search.knots, problem.stride
-            ),
+            lambda: memories_along(problem, search.knots),
             lambda: search.memories,
         )
         candidates, slopes = jax.vmap(problem.expanded_at)(
@@ -321,28 +318,20 @@ def _within_steps(problem: Problem, knots: Knots) -> Knots:
     return jax.lax.scan(follow, first, problem.commanded(knots))[1]
 
 
-def memories_along(
-    observe: Callable[[Configurations, Memory], Memory],
-    memory: Memory,
-    last: Bends,
-    knots: Knots,
-    stride: int,
-) -> Memory:
+def memories_along(problem: Problem, knots: Knots) -> Memory:
     """Memories before the control step to every knot, of an arm that follows the plan.
 
     Args:
-        observe: of the forward model.
-        memory: before the first control step.
-        last: bends before it [rad].
+        problem: of the first control step.
         knots: of the plan [rad].
-        stride: control steps between two knots.
 
     Returns:
         With the knots as first axis.
     """
+    stride = problem.stride
 
     def after(memory: Memory, bends: Bends) -> Memory:
-        return observe(configurations_from_bends(bends), memory)
+        return problem.observe(configurations_from_bends(bends), memory)
 
     def follow(before: tuple[Memory, Bends], knot: Bends):
         memory, left = before
@@ -353,7 +342,8 @@ def memories_along(
         arriving = jax.lax.fori_loop(0, stride - 1, advance, memory)
         return (after(arriving, knot), knot), arriving
 
-    return jax.lax.scan(follow, (memory, last), knots)[1]
+    start = problem.memory, problem.situation.last.bends
+    return jax.lax.scan(follow, start, knots)[1]
 
 
 def minimum(

@@ -24,8 +24,6 @@ SIGNIFICANT = 0.01
 STILL = 0.05  # of the step limit: a plan that moves less is still, in reports
 DESCENT_ITERATIONS = 30  # few variables, and only a sign is asked for
 
-Count = Int[Array, ""]
-
 
 class Outcome(IntEnum):
     """How a control step was planned; the value is the number in files.
@@ -77,7 +75,7 @@ def judge(
     planned: Candidate,
     situation: Situation,
     lengths: Float[Numbers, " modules"],
-) -> Count:
+) -> Int[Array, ""]:
     """The outcome of a step.
 
     Args:

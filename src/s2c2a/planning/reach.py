@@ -280,7 +280,29 @@ def _nearest(
     arm: RestingArm, points_of: GuardedPoints, shapes: Shapes, goals: Goal
 ) -> dict[str, Array]:
     """The fields of `Reached` for a chunk of goals."""
-    return jax.vmap(lambda goal: _nearest_of_one(arm, points_of, shapes, goal))(goals)
+
+    def nearest(goal: Goal) -> dict[str, Array]:
+        length = jnp.sum(jnp.asarray(arm.lengths))
+        found, misses = _solutions(arm, points_of, shapes, STARTS, goal)
+        bends = found[jnp.argmin(misses)]
+        states = arm.states(bends)
+        ends = norm(states[:, POSITION] - goal.positions)
+        cosines = jnp.sum(states[:, AXIS] * goal.axes, axis=-1)
+        angles = jnp.arccos(jnp.clip(cosines, -1.0, 1.0))
+        has_position = jnp.asarray(goal.position_weights) > 0.0
+        has_axis = jnp.asarray(goal.axis_weights) > 0.0
+        clearances = _clearances(points_of, states, goal)
+        return {
+            "bends": bends,
+            "states": states,
+            "position_errors": jnp.max(jnp.where(has_position, ends, 0.0)),
+            "axis_errors": jnp.max(jnp.where(has_axis, angles, 0.0)),
+            "clearances": jnp.min(clearances, initial=jnp.inf),
+            "predictive_std": arm.predictive_std(bends),
+            "agreeing": jnp.mean(misses <= jnp.min(misses) + ALIKE * length),
+        }
+
+    return jax.vmap(nearest)(goals)
 
 
 def _solutions(
@@ -317,30 +339,6 @@ def _solutions(
 
     found, costs = jax.vmap(solved)(starts)
     return found, jnp.sqrt(costs) * length
-
-
-def _nearest_of_one(
-    arm: RestingArm, points_of: GuardedPoints, shapes: Shapes, goal: Goal
-) -> dict[str, Array]:
-    length = jnp.sum(jnp.asarray(arm.lengths))
-    found, misses = _solutions(arm, points_of, shapes, STARTS, goal)
-    bends = found[jnp.argmin(misses)]
-    states = arm.states(bends)
-    ends = norm(states[:, POSITION] - goal.positions)
-    cosines = jnp.sum(states[:, AXIS] * goal.axes, axis=-1)
-    angles = jnp.arccos(jnp.clip(cosines, -1.0, 1.0))
-    has_position = jnp.asarray(goal.position_weights) > 0.0
-    has_axis = jnp.asarray(goal.axis_weights) > 0.0
-    clearances = _clearances(points_of, states, goal)
-    return {
-        "bends": bends,
-        "states": states,
-        "position_errors": jnp.max(jnp.where(has_position, ends, 0.0)),
-        "axis_errors": jnp.max(jnp.where(has_axis, angles, 0.0)),
-        "clearances": jnp.min(clearances, initial=jnp.inf),
-        "predictive_std": arm.predictive_std(bends),
-        "agreeing": jnp.mean(misses <= jnp.min(misses) + ALIKE * length),
-    }
 
 
 def _target_errors(

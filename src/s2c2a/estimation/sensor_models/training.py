@@ -188,13 +188,27 @@ def _with_errors(
     biases = _episode_means(samples, samples.values - lagging)
     explained = lagging + biases[samples.episode]
     mean_bias = np.nan_to_num(_mean(biases))
-    errors = measure_errors(
-        samples,
-        samples.values - explained,
-        biases - mean_bias,
-        backlash,
-        half_range,
-        period,
+    # noise, bias and drift of what the network leaves unexplained
+    residuals = samples.values - explained
+    short = _change(samples, residuals, max(1, round(SHORT_LAG / period)))
+    long = _change(samples, residuals, max(1, round(LONG_LAG / period)))
+    variance = _std_within_episodes(samples, residuals) ** 2
+    noise = np.sqrt(np.fmin(short / 2.0, variance))
+    noise = np.fmax(noise, MIN_NOISE * half_range)
+    initial_bias = np.sqrt(_mean((biases - mean_bias) ** 2))
+    initial_bias = np.fmax(initial_bias, MIN_BIAS * half_range)
+    drift = np.sqrt(np.maximum(long - short, 0.0) / (LONG_LAG - SHORT_LAG))
+    drift = np.fmax(drift, MIN_DRIFT * half_range)
+    # a value that never changes says nothing of its noise
+    is_known = np.isfinite(samples.values)
+    low = np.where(is_known, samples.values, np.inf).min(axis=0)
+    high = np.where(is_known, samples.values, -np.inf).max(axis=0)
+    noise = np.where(high > low, noise, LARGEST)
+    errors = SensorErrors(
+        jnp.asarray(noise, jnp.float32),
+        jnp.asarray(initial_bias, jnp.float32),
+        jnp.asarray(drift, jnp.float32),
+        jnp.asarray(backlash, jnp.float32),
     )
     center = network.scaling.center + jnp.asarray(mean_bias, jnp.float32)
     scaling = Scaling(center, network.scaling.half_range)
@@ -229,45 +243,6 @@ def fit_backlash(
         residuals.append(_std_within_episodes(samples, samples.values - lagging))
     best = np.argmin(residuals, axis=0)
     return candidates[best, np.arange(len(half_range))]
-
-
-def measure_errors(
-    samples: SensorSamples,
-    residuals: Float[np.ndarray, "samples values"],
-    biases: Float[np.ndarray, "episodes values"],
-    backlash: Float[np.ndarray, " values"],
-    half_range: Float[np.ndarray, " values"],
-    period: float,
-) -> SensorErrors:
-    """Noise, bias and drift of what the network leaves unexplained.
-
-    Args:
-        samples: the recording.
-        residuals: without biases.
-        biases: of every episode; NaN where the sensor is missing.
-        backlash: half-widths of the hysteresis.
-        half_range: of the values.
-        period: between samples [s].
-    """
-    short = _change(samples, residuals, max(1, round(SHORT_LAG / period)))
-    long = _change(samples, residuals, max(1, round(LONG_LAG / period)))
-    variance = _std_within_episodes(samples, residuals) ** 2
-    noise = np.sqrt(np.fmin(short / 2.0, variance))
-    noise = np.fmax(noise, MIN_NOISE * half_range)
-    initial_bias = np.fmax(np.sqrt(_mean(biases**2)), MIN_BIAS * half_range)
-    drift = np.sqrt(np.maximum(long - short, 0.0) / (LONG_LAG - SHORT_LAG))
-    drift = np.fmax(drift, MIN_DRIFT * half_range)
-    # a value that never changes says nothing of its noise
-    is_known = np.isfinite(samples.values)
-    low = np.where(is_known, samples.values, np.inf).min(axis=0)
-    high = np.where(is_known, samples.values, -np.inf).max(axis=0)
-    noise = np.where(high > low, noise, LARGEST)
-    return SensorErrors(
-        jnp.asarray(noise, jnp.float32),
-        jnp.asarray(initial_bias, jnp.float32),
-        jnp.asarray(drift, jnp.float32),
-        jnp.asarray(backlash, jnp.float32),
-    )
 
 
 def _change(
