@@ -12,7 +12,7 @@ from pydantic import AwareDatetime, Field
 from s2c2a.arm import ArmSpec
 from s2c2a.files.json_files import load_json, save_json
 from s2c2a.lab.tracking.frames import HeldPoses
-from s2c2a.lab.tracking.poses import Pose, Stored, StoredRotation, TrackingError
+from s2c2a.lab.tracking.poses import Pose, StoredRotation, StoredTable, TrackingError
 from s2c2a.lab.tracking.states import ModuleEnds
 
 FORMAT = 1
@@ -26,7 +26,7 @@ class TrackingCalibrationError(TrackingError):
     """A calibration of a tracker is missing, damaged, or that of another arm."""
 
 
-class StoredPose(Stored):
+class StoredPose(StoredTable):
     """A pose `T_a_b` in a file.
 
     Attributes:
@@ -48,7 +48,7 @@ class StoredPose(Stored):
         return Pose(np.array(self.position), np.array(self.rotation))
 
 
-class StoredHeldPoses(Stored):
+class StoredHeldPoses(StoredTable):
     """Poses in one held configuration of an unfinished calibration.
 
     Attributes:
@@ -77,7 +77,7 @@ class StoredHeldPoses(Stored):
         return HeldPoses(np.array(self.bends), self.base.pose, ends)
 
 
-class UnfinishedFrames(Stored):
+class UnfinishedFrames(StoredTable):
     """Poses of frames that are not all held yet.
 
     Attributes:
@@ -91,7 +91,7 @@ class UnfinishedFrames(Stored):
     held: tuple[StoredHeldPoses, ...] = Field(max_length=8 * MAX_BODIES + 2)
 
 
-class FrameResidual(Stored):
+class FrameResidual(StoredTable):
     """What the fit of the frames leaves unexplained at one module's end.
 
     Attributes:
@@ -103,7 +103,7 @@ class FrameResidual(Stored):
     rotation: float = Field(ge=0)
 
 
-class TrackingCalibration(Stored):
+class TrackingCalibration(StoredTable):
     """Latency and frame offsets of a tracker; parts that were not found are None.
 
     Attributes:

@@ -116,7 +116,7 @@ def stored_rotation(rotation: tuple[float, ...]) -> tuple[float, ...]:
     return rotation
 
 
-class Stored(BaseModel):
+class StoredTable(BaseModel):
     """What a file keeps, validated when built."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)

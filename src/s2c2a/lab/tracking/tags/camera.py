@@ -12,7 +12,7 @@ from pydantic import Field, ValidationError, model_validator
 from s2c2a.files.json_files import load_json, save_json
 from s2c2a.files.text import read_text
 from s2c2a.files.validation import explained
-from s2c2a.lab.tracking.poses import Stored, TrackingError
+from s2c2a.lab.tracking.poses import StoredTable, TrackingError
 from s2c2a.lab.tracking.tags import yaml_cameras
 
 FORMAT = 1
@@ -25,7 +25,7 @@ class CameraError(TrackingError):
     """A camera model is damaged, or cannot be found from the pictures."""
 
 
-class Board(Stored):
+class Board(StoredTable):
     """A ChArUco board: a chess board with a marker in every white square.
 
     Attributes:
@@ -47,7 +47,7 @@ class Board(Stored):
         return self
 
 
-class CameraModel(Stored):
+class CameraModel(StoredTable):
     """Projection of a camera: pinhole with radial and tangential distortion.
 
     A point (x, y, z) of the camera frame (x right, y down, z forward) appears at

@@ -10,7 +10,7 @@ from pydantic import Field, field_validator
 
 from s2c2a.errors import counted, did_you_mean
 from s2c2a.files.json_files import load_json, save_json
-from s2c2a.lab.tracking.poses import Pose, Stored, StoredRotation, TrackingError
+from s2c2a.lab.tracking.poses import Pose, StoredRotation, StoredTable, TrackingError
 
 FORMAT = 1
 FAMILY = "36h11"
@@ -30,7 +30,7 @@ class LayoutError(TrackingError):
     """A layout of tags is damaged or impossible."""
 
 
-class Tag(Stored):
+class Tag(StoredTable):
     """A tag on a body.
 
     The tag frame has its origin in the center of the tag, x to the right, y up and z
@@ -76,7 +76,7 @@ class Tag(Stored):
         return f"{self.body}  {side}  id {self.id}"
 
 
-class TagLayout(Stored):
+class TagLayout(StoredTable):
     """All tags of an arm.
 
     Attributes:
