@@ -9,7 +9,7 @@ from s2c2a.arm.geometry import cable_matrix
 from s2c2a.kinematics import states_from_bends
 from s2c2a.logs import import_logs, map_from_toml
 from s2c2a.logs.errors import LogError
-from s2c2a.logs.priors import with_stated_angles
+from s2c2a.logs.priors import stated_angles, with_stated_angles
 
 from marks import slow_after
 
@@ -171,8 +171,9 @@ def test_stated_angles_count_from_an_unknown_x():
         drives = drives.replace(name, f"{name}angle_deg = {angle}\n")
     log_map = map_from_toml(HEAD + drives + SPATIAL)
     estimated = np.deg2rad([90.0, 200.0, 330.0, 0.0, 90.0, 180.0, 270.0])
-    angles = np.rad2deg(with_stated_angles(estimated, log_map))
+    stated = stated_angles(log_map)
+    angles = np.rad2deg(with_stated_angles(estimated, stated, log_map))
     np.testing.assert_allclose(angles[:3], [90.0, 210.0, 330.0], atol=1e-6)
-    stated = map_from_toml(HEAD + drives + SPATIAL + '[frame]\nx = "x"\n')
-    angles = np.rad2deg(with_stated_angles(estimated, stated))
+    with_x = map_from_toml(HEAD + drives + SPATIAL + '[frame]\nx = "x"\n')
+    angles = np.rad2deg(with_stated_angles(estimated, stated, with_x))
     np.testing.assert_allclose(angles[:3], [0.0, 120.0, 330.0], atol=1e-6)

@@ -50,7 +50,7 @@ def warn(stated: str, random_ends: bool = False, measured: bool = False) -> str:
     values = columns if measured else np.full_like(commands, np.nan)
     take = SimpleNamespace(commands=commands, measured=values)
     given = Given(fit, None, observations, residual)  # type: ignore[arg-type]
-    return describe_poor_fit([take], log_map(stated), given, TRUE, ROWS)  # type: ignore[list-item]
+    return describe_poor_fit([take], log_map(stated), given, TRUE)  # type: ignore[list-item]
 
 
 @pytest.mark.slow

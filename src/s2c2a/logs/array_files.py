@@ -24,7 +24,7 @@ def read_npz(path: str | os.PathLike, request: ColumnRequest) -> Table:
         reading_as(path, "NPZ", "save plain arrays of numbers"),
         np.load(path, allow_pickle=False) as arrays,
     ):
-        columns = _columns({name: arrays[name] for name in arrays.files}, request)
+        columns = _split_columns(orient_arrays(dict(arrays), request))
     return table_of_arrays(path, columns, request)
 
 
@@ -35,14 +35,8 @@ def read_mat(path: str | os.PathLike, request: ColumnRequest) -> Table:
         LogError: the file is damaged, of version 7.3 (HDF5), or too large.
     """
     with reading_as(path, "MAT", "save plain arrays of numbers with -v7"):
-        columns = _columns(read_mat_arrays(path), request)
+        columns = _split_columns(orient_arrays(read_mat_arrays(path), request))
     return table_of_arrays(path, columns, request)
-
-
-def _columns(
-    arrays: Mapping[str, np.ndarray], request: ColumnRequest
-) -> dict[str, np.ndarray]:
-    return _split_columns(orient_arrays(arrays, request))
 
 
 def _split_columns(arrays: Mapping[str, Any]) -> dict[str, np.ndarray]:

@@ -20,7 +20,7 @@ from s2c2a.logs.errors import LogError
 from s2c2a.logs.interpolation import evenly_spread
 from s2c2a.logs.log_map import Drive, LogMap
 from s2c2a.logs.model_fit import CableFit, Observations, fit_parameters
-from s2c2a.logs.priors import with_stated_angles
+from s2c2a.logs.priors import stated_angles, with_stated_angles
 
 MAX_CANDIDATES = 4  # assignments that are fitted, for each estimate of the effects
 PARTS = MAX_CANDIDATES + 3  # of a search: trials, fits, exchanges, the last fit
@@ -32,8 +32,10 @@ UNEVEN_DEG = 60.0  # a gap this much above an even one doubles the cost
 # slack cables show
 AMBIGUOUS_RATIO = 0.8
 IMPROVED_RATIO = 0.98  # a cost below this ratio is an improvement
+MAX_FITTED = 200  # rows of every fit, evenly spread: all fits are compiled once
 FIRST_ITERATIONS = 5
 TRIAL_ITERATIONS = 15
+REWEIGHTINGS = 30  # of a regression
 
 
 @dataclass(frozen=True)
@@ -76,7 +78,6 @@ def identify_cables(
     observations: Observations,
     start: CableParameters,
     log_map: LogMap,
-    max_rows: int,
     progress: Progress = quiet,
 ) -> tuple[CableFit, Assignment, list[str]]:
     """Fit the cable model, and find the modules, signs, and coupling not in the map.
@@ -85,7 +86,6 @@ def identify_cables(
         observations: rows of all takes.
         start: registered frame and lengths; its angles and gains are not used.
         log_map: the map.
-        max_rows: number of rows that are fitted, evenly spread.
         progress: called before each part of the search.
 
     Returns:
@@ -95,7 +95,7 @@ def identify_cables(
         LogError: no assignment gives every module cables that bend it in all
             directions.
     """
-    rows = evenly_spread(len(observations.columns), max_rows)
+    rows = evenly_spread(len(observations.columns), MAX_FITTED)
     subset = replace(
         observations,
         columns=observations.columns[rows],
@@ -115,7 +115,7 @@ def identify_cables(
     fits = []
     for number, (fit, _) in enumerate(trials[:MAX_CANDIDATES], 1):
         progress(FITTING, number, PARTS)
-        fits.append(_refit(subset, fit, TRIAL_ITERATIONS))
+        fits.append(_refit(subset, fit))
     best = int(np.argmin([fit.cost for fit in fits]))
     progress(FITTING, PARTS - 2, PARTS)
     fit, assignment = _exchange_motors(subset, fits[best], trials[best][1], log_map)
@@ -126,12 +126,8 @@ def identify_cables(
     return fit, assignment, ambiguities
 
 
-def _refit(
-    observations: Observations,
-    fit: CableFit,
-    iterations: int,
-) -> CableFit:
-    return fit_parameters(observations, fit.parameters, fit.wiring, iterations)
+def _refit(observations: Observations, fit: CableFit) -> CableFit:
+    return fit_parameters(observations, fit.parameters, fit.wiring, TRIAL_ITERATIONS)
 
 
 def _first_trials(
@@ -165,7 +161,7 @@ def _first_trials(
                 ]
                 pulls = assignment.signs[:, None] * tip
                 angles = np.arctan2(pulls[:, 1], pulls[:, 0])
-                angles = with_stated_angles(angles, log_map)
+                angles = with_stated_angles(angles, stated_angles(log_map), log_map)
                 gains = np.linalg.norm(tip, axis=1) / np.array(levers)
                 gains = gains[gains > 0]
                 gain = np.log(np.median(gains) if len(gains) else 1.0)
@@ -244,14 +240,12 @@ def regress_ends(
     return slopes.reshape(columns.shape[1], len(ends), 2)
 
 
-def _robust_slopes(
-    columns: np.ndarray, displacements: np.ndarray, iterations: int = 30
-) -> np.ndarray:
+def _robust_slopes(columns: np.ndarray, displacements: np.ndarray) -> np.ndarray:
     """Iteratively reweighted least squares; directions with little motion are zero."""
     weights = np.ones(len(columns))
     slopes = np.zeros((columns.shape[1], displacements.shape[1]))
     size = columns.std(axis=0) + 1e-12
-    for _ in range(iterations):
+    for _ in range(REWEIGHTINGS):
         root = np.sqrt(weights)[:, None]
         solution = np.linalg.lstsq(
             root * columns / size, root * displacements, rcond=0.03
@@ -284,10 +278,12 @@ def _exchange_motors(
             wiring = build_wiring(trial, log_map)
             new = fit_parameters(observations, fit.parameters, wiring, FIRST_ITERATIONS)
             if new.cost < DROP_RATIO * fit.cost:
-                new = _refit(observations, new, TRIAL_ITERATIONS)
-            if new.cost < IMPROVED_RATIO * fit.cost and _is_feasible(
-                new, trial, log_map
-            ):
+                new = _refit(observations, new)
+            is_feasible = all(
+                can_bend(_cable_angles_deg(new, trial, module))
+                for module in range(log_map.arm.modules)
+            )
+            if new.cost < IMPROVED_RATIO * fit.cost and is_feasible:
                 fit = new
                 assignment = trial
                 improved = True
@@ -325,16 +321,6 @@ def _exchanges(
             yield exchanged
 
 
-def _is_feasible(
-    fit: CableFit,
-    assignment: Assignment,
-    log_map: LogMap,
-) -> bool:
-    """Whether the cables of every module bend it."""
-    modules = range(log_map.arm.modules)
-    return all(can_bend(_cable_angles_deg(fit, assignment, m)) for m in modules)
-
-
 def _cable_angles_deg(
     fit: CableFit,
     assignment: Assignment,
@@ -367,7 +353,7 @@ def _choose_signs(
         signs = np.where(members, -assignment.signs, assignment.signs)
         trial = replace(assignment, signs=signs)
         # as far on its way as the trial
-        fit = _refit(observations, fit, TRIAL_ITERATIONS)
+        fit = _refit(observations, fit)
         angles = fit.parameters.angles + np.pi * members
         new = fit_parameters(
             observations,

@@ -64,12 +64,9 @@ def _peaks(
     time = ends.time + drift * (ends.time - middle)
     start = time[0]
     shifted = TimedMotion(time - start, ends.values)
-    ends_speeds = _speeds(shifted, step)
     # correlation of two signals with gaps where at least half of one overlaps
-    first = speeds
-    later = ends_speeds
-    first, known = _centered(first)
-    later, later_known = _centered(later)
+    first, known = _centered(speeds)
+    later, later_known = _centered(_speeds(shifted, step))
     products = _sums(first, later)
     energy = _sums(first**2, later_known)
     energy *= _sums(known, later**2)

@@ -35,7 +35,9 @@ class DriveFeatures:
         # a spline swings far out in a gap
         values = values.clip(lowest, highest)
         # (widths, points, channels)
-        played = [_played(values, width) for width in WIDTHS]
+        played = [
+            play_along(values[0], values - width, values + width) for width in WIDTHS
+        ]
         self._played = make_interp_spline(WIDTHS, played, k=1)
         self._polynomials = _Polynomials(values, rows)
 
@@ -56,11 +58,6 @@ class DriveFeatures:
         inside = times.clip(0, self._grid[-1])
         values = spline(inside)
         return self._polynomials.at(values)
-
-
-def _played(values: np.ndarray, width: float) -> np.ndarray:
-    """Drives after backlash."""
-    return play_along(values[0], values - width, values + width)
 
 
 class _Polynomials:

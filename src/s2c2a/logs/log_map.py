@@ -560,9 +560,7 @@ class LogMap(MapTable):
     @property
     def number_columns(self) -> set[str]:
         """Names of the numeric columns."""
-        columns = {self.rows.time}
-        if self.join:
-            columns |= {self.join.key, *(self.join.times or ())}
+        columns: set[str | None] = {*self.time_columns}
         for drive in self.drives:
             columns |= {drive.commanded, drive.measured}
         for body in self.bodies:

@@ -12,7 +12,7 @@ from s2c2a.logs.cable_model import tilt_rotation
 from s2c2a.logs.cable_search import Assignment
 from s2c2a.logs.log_map import LogMap
 from s2c2a.logs.model_fit import CableFit
-from s2c2a.logs.priors import without_turn
+from s2c2a.logs.priors import stated_angles, without_turn
 from s2c2a.logs.take import unit_vector
 
 # above the error of identified angles (15 deg in tests); a third of a right angle, by
@@ -73,15 +73,6 @@ class Identified:
     def transformed(self, columns: np.ndarray) -> "Identified":
         """The same, with other columns of the positions."""
         return replace(self, directions=self.directions @ columns.T, z=columns @ self.z)
-
-
-def stated_angles(
-    angles: Float[np.ndarray, " drives"], log_map: LogMap
-) -> Float[np.ndarray, " drives"]:
-    """Stated angles instead of identified ones [rad], turned if x is not stated."""
-    stated = angles_of(log_map)
-    errors = without_turn(np.asarray(angles) - stated, log_map)
-    return np.where(np.isfinite(stated), angles - errors, angles)
 
 
 def contradicts_angles(found: Identified, log_map: LogMap) -> bool:
@@ -161,8 +152,7 @@ def signs_of(log_map: LogMap) -> np.ndarray:
 
 def angles_of(log_map: LogMap) -> Float[np.ndarray, " drives"]:
     """Stated angles [rad]; NaN where the angle or the sign of a motor is free."""
-    degrees = np.array([drive.angle_deg for drive in log_map.drives], float)
-    return np.where(signs_of(log_map) == 0, np.nan, np.deg2rad(degrees))
+    return np.where(signs_of(log_map) == 0, np.nan, stated_angles(log_map))
 
 
 def _angle_errors(found: Identified, log_map: LogMap) -> np.ndarray | None:

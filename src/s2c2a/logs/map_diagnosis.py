@@ -20,12 +20,12 @@ from s2c2a.logs.errors import LogError
 from s2c2a.logs.log_map import LogFrame, LogMap
 from s2c2a.logs.map_changes import (
     Identified,
+    angles_of,
     contradicts_angles,
     find_changes,
-    stated_angles,
 )
 from s2c2a.logs.model_fit import CableFit, Observations, predict_states
-from s2c2a.logs.priors import first_guess, prior_std
+from s2c2a.logs.priors import first_guess, prior_std, with_stated_angles
 from s2c2a.logs.registration import estimate_registration
 from s2c2a.logs.take import LogTake, effective_drives
 from s2c2a.logs.unit_checks import drive_unit_change, end_unit_change
@@ -39,7 +39,6 @@ POOR = 0.25
 CLEARLY = 0.6
 MOST = 0.5  # a model that misses more of the motion explains nothing
 STRETCHES = 20  # every other one is fitted
-FREE_ROWS = 200  # rows that are fitted, as in the import: compiled once
 FREE_MOTION = 0.1  # rms motion of the ends to which units are normalized [m]
 
 
@@ -103,8 +102,10 @@ def diagnose(takes: Sequence[LogTake], log_map: LogMap, given: Given | None) -> 
     stated = np.ones_like(free_errors)  # a model without motion misses all of it
     if given is not None:
         # errors of the fit as given, with the stated angles, which it may leave
-        angles = stated_angles(given.fit.parameters.angles, log_map)
-        parameters = given.fit.parameters._replace(angles=angles)
+        identified = given.fit.parameters
+        known_angles = angles_of(log_map)
+        angles = with_stated_angles(identified.angles, known_angles, log_map)
+        parameters = identified._replace(angles=angles)
         states = np.full((len(rows.columns), log_map.arm.modules, 6), np.nan)
         states[:, log_map.end_modules] = rows.ends
         observations = replace(given.observations, columns=rows.columns, states=states)
@@ -176,7 +177,7 @@ def _fit_freely(
     length = float(registration.lengths.sum())
     observations = replace(observations, axes=registration.axes, scale=length)
     fit, assignment, _ = identify_cables(
-        observations, first_guess(registration, free_map), free_map, FREE_ROWS
+        observations, first_guess(registration, free_map), free_map
     )
     held_out = rows.take(~is_fitted & is_middle)
     found = Identified.of(fit, assignment, observations.axes, scale, order)

@@ -65,7 +65,6 @@ from s2c2a.logs.take import LogTake, build_take, effective_drives
 from s2c2a.logs.take_change import TakeChange, find_change
 from s2c2a.spaces import POSITION
 
-MAX_FITTED = 200  # rows that are fitted, evenly spread
 # largest distance of an end from the base, in arm lengths, even if a camera has moved
 MAX_REACH = 10.0
 READING = "reading the logs"
@@ -261,7 +260,7 @@ def _fit_takes(
     segments, observations, start = _observe(takes, log_map)
     if fault := excess_travel(observations, log_map):
         raise LogError(fault)
-    found = identify_cables(observations, start, log_map, MAX_FITTED, progress)
+    found = identify_cables(observations, start, log_map, progress)
     layout = build_layout(*found[:2], log_map)
     return _Fitted(takes, rests, segments, observations, start, *found, layout)
 
@@ -398,9 +397,7 @@ def _describe(fitted: _Fitted, log_map: LogMap, arm: ArmSpec | None) -> Imported
         diagnosis = _diagnose_drives(fitted.takes, fitted.rests, log_map, fit, missed)
     poor_fit = ""
     if not diagnosis:
-        poor_fit = describe_poor_fit(
-            segments.takes, log_map, given, fitted.start, MAX_FITTED
-        )
+        poor_fit = describe_poor_fit(segments.takes, log_map, given, fitted.start)
     return Imported(
         arm,
         text,

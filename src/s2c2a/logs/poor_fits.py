@@ -21,7 +21,6 @@ def describe_poor_fit(
     log_map: LogMap,
     given: Given,
     start: CableParameters,
-    max_rows: int,
 ) -> str:
     """Sentence on what the model misses and what to check; empty for a good fit.
 
@@ -30,7 +29,6 @@ def describe_poor_fit(
         log_map: the map.
         given: fit of the map as given.
         start: first guess, from which another fit begins.
-        max_rows: number of rows that are fitted, evenly spread.
     """
     ends = given.observations.states[:, log_map.end_modules, POSITION]
     share = given.residual / rms_motion(ends)
@@ -38,7 +36,7 @@ def describe_poor_fit(
         return ""
     missed = f"the model misses {100 * share:.0f} % of the motion"
     other = OTHER[log_map.rows.settled]
-    other_share = _share_of_other_commands(takes, log_map, given, start, max_rows)
+    other_share = _share_of_other_commands(takes, log_map, given, start)
     if other_share < CLEARLY * share:
         return (
             f'{missed}; with rows.commands = "{other}" in the map it misses '
@@ -59,7 +57,6 @@ def _share_of_other_commands(
     log_map: LogMap,
     given: Given,
     start: CableParameters,
-    max_rows: int,
 ) -> float:
     """Share of the motion that a fit misses with commands shifted by a row."""
     rows = log_map.rows.model_copy(update={"commands": OTHER[log_map.rows.settled]})
@@ -70,7 +67,7 @@ def _share_of_other_commands(
     observations = replace(given.observations, columns=columns)
     try:
         # a poor fit is no start for another
-        fit, _, _ = identify_cables(observations, start, shifted, max_rows)
+        fit, _, _ = identify_cables(observations, start, shifted)
     except S2C2AError:
         return np.inf
     return missed_share(fit, observations)

@@ -66,12 +66,19 @@ def first_guess(registration: Registration, log_map: LogMap) -> CableParameters:
     )
 
 
+def stated_angles(log_map: LogMap) -> Float[np.ndarray, " drives"]:
+    """Stated angles of the drives [rad]; NaN where none is stated."""
+    degrees = np.array([drive.angle_deg for drive in log_map.drives], float)
+    return np.deg2rad(degrees)
+
+
 def with_stated_angles(
-    angles: Float[np.ndarray, " drives"], log_map: LogMap
+    angles: Float[np.ndarray, " drives"],
+    stated: Float[np.ndarray, " drives"],
+    log_map: LogMap,
 ) -> Float[np.ndarray, " drives"]:
     """Angles [rad] where stated ones replace estimated ones, turned if x is unknown."""
-    degrees = np.array([drive.angle_deg for drive in log_map.drives], float)
-    errors = without_turn(angles - np.deg2rad(degrees), log_map)
+    errors = without_turn(angles - stated, log_map)
     return angles - np.nan_to_num(errors)
 
 

@@ -3,7 +3,6 @@
 import json
 import os
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 from s2c2a.execution.child import ChildError, arrays_of_child
@@ -21,33 +20,22 @@ from s2c2a.logs.text_files import read_text_file
 PROGRAM = str(Path(__file__).with_name("table_program.py"))
 Reader = Callable[[str | os.PathLike, ColumnRequest], Table]
 
-
-@dataclass(frozen=True)
-class Form:
-    """Form of a log.
-
-    Attributes:
-        name: its name.
-        endings: endings of its files.
-        read: its reader.
-    """
-
-    name: str
-    endings: tuple[str, ...]
-    read: Reader
-
-
-FORMS = (
-    Form("NPZ", (".npz",), read_npz),
-    Form("MAT", (".mat",), read_mat),
-    Form("Parquet", (".parquet", ".pq"), read_parquet),
-    Form("XLSX", (".xlsx", ".xlsm"), read_xlsx),
-    Form("JSON lines", (".jsonl", ".ndjson", ".json"), read_json_lines),
-    Form("bag", (".bag", ".db3"), read_bag),
-    Form("MCAP", (".mcap",), read_mcap),
-)
-"""Forms that endings show; a folder is a LeRobotDataset or a bag, and every
-other file delimited text."""
+READERS: dict[str, Reader] = {
+    ".npz": read_npz,
+    ".mat": read_mat,
+    ".parquet": read_parquet,
+    ".pq": read_parquet,
+    ".xlsx": read_xlsx,
+    ".xlsm": read_xlsx,
+    ".jsonl": read_json_lines,
+    ".ndjson": read_json_lines,
+    ".json": read_json_lines,
+    ".bag": read_bag,
+    ".db3": read_bag,
+    ".mcap": read_mcap,
+}
+"""Readers by ending; a folder is a LeRobotDataset or a bag, and every other file
+delimited text."""
 WAYS_OUT = {
     ".npy": "NPY: save named arrays with numpy.savez",
     ".h5": "HDF5: save the arrays as NPZ, with numpy.savez",
@@ -114,11 +102,7 @@ def read_here(path: str | os.PathLike, request: ColumnRequest) -> Table:
 def _reader(path: str | os.PathLike) -> Reader:
     if Path(path).is_dir():
         return read_lerobot if is_lerobot(path) else read_bag
-    ending = _ending(path)
-    for form in FORMS:
-        if ending in form.endings:
-            return form.read
-    return read_text_file
+    return READERS.get(_ending(path), read_text_file)
 
 
 def _ending(path: str | os.PathLike) -> str:

@@ -185,18 +185,15 @@ def _join_by_key(tables: Sequence[Table], key: str) -> Table:
     numbers: dict[str, np.ndarray] = {}
     labels: dict[str, np.ndarray] = {}
     for table in tables:
-        rows = table.select(_find_rows(table.numbers[key], common))
+        keys = table.numbers[key]
+        _, places, _ = np.intersect1d(keys, common, return_indices=True)
+        rows = table.select(places)
         numbers |= rows.numbers
         labels |= rows.labels
     path = " + ".join(table.path for table in tables)
     broken_rows = sum(table.broken_rows for table in tables)
     stamps = frozenset().union(*(table.stamps for table in tables))
     return Table(path, numbers, labels, broken_rows, stamps)
-
-
-def _find_rows(keys: np.ndarray, values: np.ndarray) -> np.ndarray:
-    order = np.argsort(keys)
-    return order[np.searchsorted(keys, values, sorter=order)]
 
 
 def _drive_values(table: Table, log_map: LogMap, attribute: str) -> np.ndarray:

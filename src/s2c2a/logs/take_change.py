@@ -53,9 +53,8 @@ class TakeChange(NamedTuple):
             is across the straight arm.
         extrapolated: share of the steps with cables unlike any of the first take.
         length: of the arm [m].
-        offset: largest constant offset of a cable that explains the difference
-            instead [m or N].
-        offset_motion: largest motion of an end by the offsets, root mean square [m].
+        offset_motion: largest motion of an end by the constant offsets of the cables
+            that explain the difference instead, root mean square [m].
         rigid_error: mean displacement that shift and rotation leave [m].
         offset_error: the same of the offsets.
     """
@@ -65,7 +64,6 @@ class TakeChange(NamedTuple):
     sag: float
     extrapolated: float
     length: float
-    offset: float
     offset_motion: float
     rigid_error: float
     offset_error: float
@@ -171,7 +169,6 @@ def _explain(
         float(np.sign(arm.gravity_direction[2]) * weights[-1]),
         extrapolated,
         arm.length,
-        float(np.abs(offsets[:drives]).max()),
         float(motion),
         rigid_error,
         offset_error,

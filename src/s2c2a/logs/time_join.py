@@ -1,12 +1,12 @@
 """Files of one take with clocks of their own, joined at the times of the first."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from s2c2a.logs.body_poses import as_rotations, positions_of, unturned
+from s2c2a.logs.body_poses import as_rotations, positions_of, stacked, unturned
 from s2c2a.logs.clocks import LogClock, estimate_clock
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.interpolation import interpolate, is_near
@@ -179,12 +179,12 @@ def _resample_numbers(
     }
     for body in log_map.bodies:
         if body.rotation and set(body.rotation) <= set(columns):
-            columns |= _resample_rotation(table.numbers, body, times, samples, limit)
+            columns |= _resample_rotation(table, body, times, samples, limit)
     return columns
 
 
 def _resample_rotation(
-    numbers: Mapping[str, np.ndarray],
+    table: Table,
     body: Body,
     times: np.ndarray,
     samples: np.ndarray,
@@ -192,7 +192,7 @@ def _resample_rotation(
 ) -> dict[str, np.ndarray]:
     """Columns of a body's rotation, by spherical interpolation."""
     names = body.rotation
-    values = np.stack([numbers[name] for name in names], axis=1)
+    values = stacked(table, names)
     known = np.isfinite(values).all(axis=1)
     if not body.euler:  # zeros mark poses that were not measured
         known &= np.abs(values).sum(axis=1) > 0

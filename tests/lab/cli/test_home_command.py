@@ -32,7 +32,7 @@ def home_with(monkeypatch, tmp_path):
         )
         made = Calibration(arm="twin_arm", date=datetime.now(UTC), servos=(servo,))
         monkeypatch.setattr(BringUp, "home", lambda *_, **__: made)
-        monkeypatch.setattr(motors, "_bus", lambda *_: nullcontext(NoBus()))
+        monkeypatch.setattr(motors, "_opened", lambda *_: nullcontext(NoBus()))
         motors.home(out=tmp_path / "homes.json", yes=True)
 
     return run

@@ -89,7 +89,7 @@ def test_an_emergency_stop_halts_the_arm_at_once():
 def test_each_result_changes_its_part_of_the_file_that_the_arm_file_names(tmp_path):
     path = tmp_path / "lab.json"
     arm = ARM.model_copy(update={"tracking": Tracking(calibration=str(path))})
-    latency = tracking.Latency(0.02, 0.001, 0.99, (1.5, 5.0))
+    latency = tracking.Latency(0.02, 0.001, 0.99)
     assert tracking.CalibrationFile(arm).store_latency(latency) == path
     identity = Pose.identity()
     frames = tracking.Frames(identity, (identity,) * 3, np.zeros(3), np.zeros(3))

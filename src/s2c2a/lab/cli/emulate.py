@@ -3,7 +3,7 @@
 import signal
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 from tyro.extras import SubcommandApp
@@ -15,6 +15,7 @@ from s2c2a.errors import S2C2AError, counted
 
 if TYPE_CHECKING:
     from s2c2a.lab.emulation.motive import MotiveOptions
+    from s2c2a.lab.emulation.real_time import RealTimeArm
 
 app = SubcommandApp()
 command = app, "Emulate the devices of a real arm."
@@ -25,12 +26,7 @@ _MOCAP_FAULT = tyro.conf.arg(name="mocap-fault", metavar="'TIME KIND ARGUMENTS'"
 MocapFaults = Annotated[tuple[str, ...], _MOCAP_FAULT, tyro.conf.UseAppendAction]
 
 
-class _Stoppable(Protocol):
-    def stop(self) -> None:
-        """End soon."""
-
-
-def _stop_at_signals(emulator: _Stoppable) -> None:
+def _stop_at_signals(emulator: "RealTimeArm") -> None:
     """Let Control-C and `kill` end an emulator."""
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: emulator.stop())

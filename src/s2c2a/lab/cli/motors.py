@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
@@ -269,7 +269,7 @@ def reboot(ids: Ids, arm: Arm = "twin_arm", port: PortName = "") -> None:
         ids: of the servos.
     """
     spec = load_arm(arm)
-    with _bus(spec, port) as bus:
+    with _opened(servos_of(spec), port) as bus:
         for id in ids:
             with _named_absence(bus, spec, [id]):
                 bus.reboot(id)
@@ -281,7 +281,7 @@ def release(arm: Arm = "twin_arm", port: PortName = "") -> None:
     """Switch the torque of all servos off; a bent arm falls back."""
     spec = load_arm(arm)
     ids = _ids_of(spec)
-    with _bus(spec, port) as bus, _named_absence(bus, spec, ids):
+    with _opened(servos_of(spec), port) as bus, _named_absence(bus, spec, ids):
         bus.set_torque(ids, on=False)
     print(f"the torque of {counted(len(ids), 'servo')} is off")
 
@@ -315,7 +315,7 @@ def timing(
         )
     spec = load_arm(arm)
     servos = servos_of(spec)
-    with _bus(spec, port, fast_read) as bus:
+    with _opened(servos, port, fast_read) as bus:
         bus.accept_stored = lambda changes: _confirm(changes, yes)
         check_presence(bus, _ids_of(spec), servos.number_of)
         prepare_timing(bus, servos)
@@ -350,12 +350,6 @@ def _opened(servos: Servos, port: str, fast_read: bool = False) -> "Iterator[Ser
         yield bus
 
 
-def _bus(
-    spec: ArmSpec, port: str, fast_read: bool = False
-) -> "AbstractContextManager[ServoBus]":
-    return _opened(servos_of(spec), port, fast_read)
-
-
 @contextmanager
 def _named_absence(bus: "ServoBus", spec: ArmSpec, ids: list[int]) -> Iterator[None]:
     """Tell silent and doubled servos apart where one did not answer."""
@@ -376,7 +370,7 @@ def _bring_up(
     from s2c2a.lab.hardware.bring_up import BringUp
     from s2c2a.lab.hardware.bus import NO_WATCHDOG
 
-    with _bus(spec, port) as bus:
+    with _opened(servos_of(spec), port) as bus:
         if not bus.has_watchdog:
             print(NO_WATCHDOG)
         confirm = partial(_confirm, yes=yes)

@@ -14,7 +14,6 @@ from s2c2a.lab.emulation.tracked_bodies import StreamedBody
 CONNECT = 0
 SERVER_INFO = 1
 REQUEST = 2
-RESPONSE = 3
 REQUEST_DEFINITIONS = 4
 DEFINITIONS = 5
 FRAME = 7

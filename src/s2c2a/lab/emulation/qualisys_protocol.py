@@ -17,7 +17,6 @@ COMMAND = 1
 XML = 2
 DATA = 3
 NO_MORE_DATA = 4
-EVENT = 6
 
 VERSIONS = ("1.8", "1.20", "1.25")
 """Newest versions of emulated programs; each one serves the older ones, too."""

@@ -1,7 +1,7 @@
 """Winches: servo positions and cable displacements."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -180,7 +180,4 @@ class Winches:
             positions: present servo positions [ticks], shape (modules, cables).
         """
         turns = np.round((positions - self.home) / self.ticks_per_turn).astype(int)
-        home = self.home + turns * self.ticks_per_turn
-        return Winches(
-            home, self.directions, self.radius, self.ticks_per_turn, self.layer_growth
-        )
+        return replace(self, home=self.home + turns * self.ticks_per_turn)

@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Annotated, Any, Self
 
 import numpy as np
-from pydantic import AwareDatetime, BaseModel, ConfigDict, Field
+from pydantic import AwareDatetime, Field
 
 from s2c2a.arm import ArmSpec
 from s2c2a.files.json_files import load_json, save_json
 from s2c2a.lab.tracking.frames import HeldPoses
-from s2c2a.lab.tracking.poses import Pose, StoredRotation, TrackingError
+from s2c2a.lab.tracking.poses import Pose, StoredRotation, StoredTable, TrackingError
 from s2c2a.lab.tracking.states import ModuleEnds
 
 FORMAT = 1
@@ -26,11 +26,7 @@ class TrackingCalibrationError(TrackingError):
     """A calibration of a tracker is missing, damaged, or that of another arm."""
 
 
-class _Stored(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class StoredPose(_Stored):
+class StoredPose(StoredTable):
     """A pose `T_a_b` in a file.
 
     Attributes:
@@ -44,11 +40,7 @@ class StoredPose(_Stored):
     @classmethod
     def of(cls, pose: Pose) -> Self:
         """Return a pose as a file stores it."""
-        values = {
-            "position": pose.position.tolist(),
-            "rotation": pose.rotation.tolist(),
-        }
-        return cls.model_validate(values)
+        return cls(position=pose.position.tolist(), rotation=pose.rotation.tolist())
 
     @property
     def pose(self) -> Pose:
@@ -56,7 +48,7 @@ class StoredPose(_Stored):
         return Pose(np.array(self.position), np.array(self.rotation))
 
 
-class StoredHeldPoses(_Stored):
+class StoredHeldPoses(StoredTable):
     """Poses in one held configuration of an unfinished calibration.
 
     Attributes:
@@ -85,7 +77,7 @@ class StoredHeldPoses(_Stored):
         return HeldPoses(np.array(self.bends), self.base.pose, ends)
 
 
-class UnfinishedFrames(_Stored):
+class UnfinishedFrames(StoredTable):
     """Poses of frames that are not all held yet.
 
     Attributes:
@@ -99,7 +91,7 @@ class UnfinishedFrames(_Stored):
     held: tuple[StoredHeldPoses, ...] = Field(max_length=8 * MAX_BODIES + 2)
 
 
-class FrameResidual(_Stored):
+class FrameResidual(StoredTable):
     """What the fit of the frames leaves unexplained at one module's end.
 
     Attributes:
@@ -111,7 +103,7 @@ class FrameResidual(_Stored):
     rotation: float = Field(ge=0)
 
 
-class TrackingCalibration(_Stored):
+class TrackingCalibration(StoredTable):
     """Latency and frame offsets of a tracker; parts that were not found are None.
 
     Attributes:

@@ -236,17 +236,30 @@ def play_motion(
 def base_chirp(
     arm: ArmSpec, duration: float = CHIRP_DURATION
 ) -> Float[np.ndarray, " steps"]:
-    """Bend of the first module with cables in a chirp, at the command rate [rad].
+    """Bend of the first module with cables in an exponential chirp [rad].
+
+    The amplitude falls where the limits of speed (as 1 / f) and acceleration (as
+    1 / f^2) of the arm require it, so that the arm moves as fast as it may.
 
     Args:
         arm: limits of its commands.
-        duration: of the chirp [s].
+        duration: of the chirp, at the command rate [s].
     """
     geometry = ArmGeometry.of(arm)
-    first = _first_driven(arm)
-    largest = min(np.deg2rad(CHIRP_BEND_DEG), geometry.bend_limits[first] / 2)
-    amplitude = np.array([min(largest, geometry.action_bends[first])])
-    return chirp(arm, CHIRP_FREQUENCIES, duration, amplitude, COMMAND_RATE)[:, 0]
+    driven = _first_driven(arm)
+    largest = min(np.deg2rad(CHIRP_BEND_DEG), geometry.bend_limits[driven] / 2)
+    amplitude = min(largest, geometry.action_bends[driven])
+    times = np.arange(round(duration * COMMAND_RATE)) / COMMAND_RATE
+    first, last = CHIRP_FREQUENCIES
+    growth = np.log(last / first) / duration
+    omega = 2.0 * np.pi * first * np.exp(growth * times)
+    by_speed = geometry.step_limit * arm.control_rate / omega
+    by_acceleration = geometry.acceleration_limit * arm.control_rate**2 / omega**2
+    allowed = LIMIT_SHARE * np.minimum(by_speed, by_acceleration)
+    near = np.minimum(times, duration - times)
+    fade = np.minimum(1.0, near / (FADE * duration))
+    wave = fade * np.sin((omega - omega[0]) / growth)
+    return wave * np.minimum(amplitude, allowed)
 
 
 def _first_driven(arm: ArmSpec) -> int:
@@ -498,36 +511,3 @@ class CalibrationFile:
         save_tracking_calibration(calibration, self._path)
         self._calibration = calibration
         return self._path
-
-
-def chirp(
-    arm: ArmSpec,
-    frequencies: tuple[float, float],
-    duration: float,
-    amplitudes: Float[np.ndarray, " modules"],
-    rate: float,
-) -> Float[np.ndarray, "steps modules"]:
-    """Bends of an exponential chirp [rad].
-
-    Amplitudes fall where the limits of speed (as 1 / f) and acceleration (as 1 / f^2)
-    of the arm require it, so that the arm moves as fast as it may.
-
-    Args:
-        arm: limits of its commands.
-        frequencies: first and last one [Hz].
-        duration: [s].
-        amplitudes: largest bends [rad].
-        rate: of the commands [Hz].
-    """
-    geometry = ArmGeometry.of(arm)
-    times = np.arange(round(duration * rate)) / rate
-    first, last = frequencies
-    growth = np.log(last / first) / duration
-    omega = 2.0 * np.pi * first * np.exp(growth * times)
-    by_speed = geometry.step_limit * arm.control_rate / omega
-    by_acceleration = geometry.acceleration_limit * arm.control_rate**2 / omega**2
-    allowed = LIMIT_SHARE * np.minimum(by_speed, by_acceleration)
-    near = np.minimum(times, duration - times)
-    fade = np.minimum(1.0, near / (FADE * duration))
-    wave = fade * np.sin((omega - omega[0]) / growth)
-    return wave[:, None] * np.minimum(amplitudes, allowed[:, None])

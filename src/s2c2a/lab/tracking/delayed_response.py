@@ -56,20 +56,19 @@ class Motion:
 class SearchRanges:
     """Ranges and first values of the parameters.
 
-    A row of parameters is: delay [s], half-width of the backlash, the frequencies [Hz]
-    of the modes, and their damping ratios.
+    Parameters are: delay [s], half-width of the backlash, the frequencies [Hz] of the
+    modes, and their damping ratios.
 
     Attributes:
         low: smallest delay, backlash, frequency and damping ratio, shape (4,).
         high: the largest ones, shape (4,).
-        starts: rows of parameters, shape (starts, 2 + 2 modes). Many fits end in a
-            local minimum; the best one counts.
+        start: first parameters, shape (2 + 2 modes,).
         lags: time constants of the first-order terms [s].
     """
 
     low: Float[np.ndarray, " 4"]
     high: Float[np.ndarray, " 4"]
-    starts: Float[np.ndarray, "starts parameters"]
+    start: Float[np.ndarray, " parameters"]
     lags: tuple[float, ...]
 
 
@@ -80,13 +79,11 @@ class DelayedResponse:
     Attributes:
         delay: [s].
         delay_std: standard deviation of the delay, from noise [s].
-        frequencies: of the modes [Hz], shape (modes,).
         residuals: outputs that are not explained, shape (frames, outputs).
     """
 
     delay: float
     delay_std: float
-    frequencies: Float[np.ndarray, " modes"]
     residuals: Float[np.ndarray, "frames outputs"]
 
 
@@ -105,23 +102,17 @@ def identify_response(motion: Motion, search: SearchRanges) -> DelayedResponse:
         [np.ones(1)] * count,
         np.full(count, scale),
     )
-    fits = [first.solve(start) for start in _bounded(search.starts, search)]
-    best = min(fits, key=lambda fit: fit.cost)
+    low, high = _ranges(search)
+    start = np.append(search.start[:2], np.log(search.start[2:]))
+    best = first.solve(start.clip(low, high))
     whitened = first.whitened(best.x)
     result = whitened.solve(best.x)
     return whitened.response(result)
 
 
-def _bounded(rows: np.ndarray, search: SearchRanges) -> np.ndarray:
-    """Different rows within the ranges, with logarithms of frequencies and dampings."""
-    low, high = _ranges(search)
-    logarithms = np.log(rows[:, 2:])
-    logs = np.concatenate([rows[:, :2], logarithms], axis=1)
-    return np.unique(logs.clip(low, high), axis=0)
-
-
 def _ranges(search: SearchRanges) -> Float[np.ndarray, "2 parameters"]:
-    modes = (search.starts.shape[1] - 2) // 2
+    """Lowest and highest parameters; logarithms of frequencies and dampings."""
+    modes = (len(search.start) - 2) // 2
     ranges = np.stack([search.low, search.high])
     ranges[:, 2:] = np.log(ranges[:, 2:])
     return np.repeat(ranges, [1, 1, modes, modes], axis=1)
@@ -170,11 +161,9 @@ class _Fit:
         regressors = self._regressors(result.x)
         gains = np.linalg.lstsq(regressors, outputs, rcond=None)[0]
         covariance = np.linalg.pinv(result.jac.T @ result.jac)
-        frequencies, _ = np.exp(result.x[2:]).reshape(2, -1)
         return DelayedResponse(
             float(result.x[0]),
             float(np.sqrt(covariance[0, 0])),
-            frequencies,
             outputs - regressors @ gains,
         )
 

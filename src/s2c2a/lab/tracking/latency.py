@@ -22,7 +22,7 @@ MAX_BACKLASH = 0.0025  # m; half-width
 SEARCH = SearchRanges(
     low=np.array([LATENCIES[0], 0.0, 0.4, 0.01]),
     high=np.array([LATENCIES[1], MAX_BACKLASH, 15.0, 1.0]),
-    starts=np.array([[0.02, 0.00025, 1.2, 6.0, 0.1, 0.1]]),
+    start=np.array([0.02, 0.00025, 1.2, 6.0, 0.1, 0.1]),
     lags=(0.3, 3.0),
 )
 """Two modes, and first-order terms for relaxation."""
@@ -65,13 +65,11 @@ class Latency:
         std: standard deviation, of noise and of the model's choice of ends [s].
         explained: share of the variance of the strongest output that the model
             explains.
-        frequencies: of the modes of the model [Hz].
     """
 
     seconds: float
     std: float
     explained: float
-    frequencies: tuple[float, ...]
 
 
 def find_latency(arm: ArmSpec, record: MotionRecord) -> Latency:
@@ -131,8 +129,7 @@ def _fitted(arm: ArmSpec, record: MotionRecord, module: int, ends: slice) -> Lat
     variances = motion.outputs.var(axis=0)
     strongest = variances.argmax()
     left = found.residuals[:, strongest].var() / variances[strongest]
-    frequencies = tuple(found.frequencies.tolist())
-    return Latency(found.delay, found.delay_std, float(1.0 - left), frequencies)
+    return Latency(found.delay, found.delay_std, float(1.0 - left))
 
 
 def _motion(arm: ArmSpec, record: MotionRecord, module: int) -> Motion:
@@ -141,13 +138,12 @@ def _motion(arm: ArmSpec, record: MotionRecord, module: int) -> Motion:
     cables = record.cables[:, module] - geometry.action_neutral[module]
     scale = geometry.action_bends[module] / geometry.action_scale[module]
     bend_matrix = geometry.bend_matrices[module] * scale
-    weights = bend_matrix.T @ _main_direction(cables @ bend_matrix.T)
+    bends = cables @ bend_matrix.T
+    centered = bends - bends.mean(axis=0)
+    directions = np.linalg.svd(centered, full_matrices=False)[2]
+    weights = bend_matrix.T @ directions[0]
     arrivals, outputs = _outputs(record)
     return Motion(record.times, cables, weights, GRID_PERIOD, arrivals, outputs)
-
-
-def _main_direction(bends: np.ndarray) -> np.ndarray:
-    return np.linalg.svd(bends - bends.mean(axis=0), full_matrices=False)[2][0]
 
 
 def _outputs(record: MotionRecord) -> tuple[np.ndarray, np.ndarray]:

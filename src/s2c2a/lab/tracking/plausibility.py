@@ -79,34 +79,32 @@ class StateCheck:
         modules = len(self._lengths)
         # a body off the center line turns the chord of a short module more
         tilts = MOUNTING / self._lengths
-        self._set_distances(limits + BEND_MARGIN + tilts)
-        self._set_cosines(limits + AXIS_MARGIN + tilts)
+        self._set_bounds(limits + BEND_MARGIN + tilts, limits + AXIS_MARGIN + tilts)
         # row 0 is the base
         self._positions = np.zeros((modules + 1, 3))
         self._axes = np.zeros((modules + 1, 3))
         self._axes[0, 2] = 1.0
         self.reset()
 
-    def _set_distances(self, turns: np.ndarray) -> None:
-        """Compute the bounds of distances of pairs (j, k), j < k."""
-        rows = len(turns) + 1
+    def _set_bounds(self, chord_turns: np.ndarray, axis_turns: np.ndarray) -> None:
+        """Compute the bounds of pairs (j, k), j < k: distance, cosine, chord along axes.
+
+        Args:
+            chord_turns: largest turns of the modules that shorten a chord [rad].
+            axis_turns: largest turns between a chord and an axis [rad].
+        """
+        rows = len(self._lengths) + 1
         self._longest = np.full((rows, rows), np.inf)
         self._shortest = np.zeros((rows, rows))
-        for first, last in combinations(range(rows), 2):
-            lengths = self._lengths[first:last]
-            chord = _shortest_chord(lengths, turns[first:last])
-            self._longest[first, last] = (1 + STRETCH) * lengths.sum() + MOUNTING
-            self._shortest[first, last] = (1 - STRETCH) * chord - MOUNTING
-
-    def _set_cosines(self, turns: np.ndarray) -> None:
-        """Compute the least cosines, and chords along axes, of pairs (j, k), j < k."""
-        rows = len(turns) + 1
         self._cosines = np.full((rows, rows), _NO_LIMIT)
         self._least_first = np.full((rows, rows), -np.inf)
         self._least_last = np.full((rows, rows), -np.inf)
         for first, last in combinations(range(rows), 2):
             lengths = self._lengths[first:last]
-            between = turns[first:last]
+            chord = _shortest_chord(lengths, chord_turns[first:last])
+            self._longest[first, last] = (1 + STRETCH) * lengths.sum() + MOUNTING
+            self._shortest[first, last] = (1 - STRETCH) * chord - MOUNTING
+            between = axis_turns[first:last]
             turn = between.sum()
             if turn < np.pi:
                 self._cosines[first, last] = np.cos(turn)
@@ -200,7 +198,8 @@ class StateCheck:
     def _reject_jumps(self, reasons: list[str], time: float) -> None:
         """Write the reasons of rows that have moved too far, and note the others."""
         positions = self._positions[1:]
-        steps = self._steps(positions, self._places)
+        moved = positions - self._places
+        steps = np.sqrt(np.einsum("mx,mx->m", moved, moved))
         allowed = SPEED * np.maximum(time - self._times, 0) + MOUNTING
         # a module without a place has NaN, and does not jump
         jumped = steps > allowed
@@ -214,10 +213,6 @@ class StateCheck:
         self._places[sound] = positions[sound]
         self._times[sound] = time
         self._counts[sound] = 0
-
-    def _steps(self, positions: np.ndarray, places: np.ndarray) -> np.ndarray:
-        moved = positions - places
-        return np.sqrt(np.einsum("mx,mx->m", moved, moved))
 
     def _has_settled(self, module: int, time: float) -> bool:
         """Count the consistent frames of a row at another place."""

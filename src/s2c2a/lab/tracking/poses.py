@@ -7,7 +7,7 @@ from typing import Annotated, Self
 
 import numpy as np
 from jaxtyping import Float
-from pydantic import AfterValidator
+from pydantic import AfterValidator, BaseModel, ConfigDict
 
 from s2c2a.errors import S2C2AError
 
@@ -116,6 +116,12 @@ def stored_rotation(rotation: tuple[float, ...]) -> tuple[float, ...]:
     return rotation
 
 
+class StoredTable(BaseModel):
+    """What a file keeps, validated when built."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
 StoredRotation = Annotated[
     tuple[float, float, float, float], AfterValidator(stored_rotation)
 ]
@@ -150,6 +156,12 @@ def angle_between(first: Pose, second: Pose) -> float:
     """Return the angle of the rotation between two poses [rad]."""
     cosine = min(1.0, abs(float(first.rotation @ second.rotation)))
     return 2 * float(np.arccos(cosine))
+
+
+def are_near(first: Pose, second: Pose, distance: float, turn: float) -> bool:
+    """Return whether two poses differ by less than a distance [m] and a turn [rad]."""
+    apart = float(np.linalg.norm(first.position - second.position))
+    return apart < distance and angle_between(first, second) < turn
 
 
 def _product(first: np.ndarray, second: np.ndarray) -> np.ndarray:

@@ -110,9 +110,16 @@ class ModuleEnds:
         """
         states = np.full((len(self.ends), 6), np.nan)
         arm_from_world = self._arm_from_world(frame)
-        if arm_from_world is not None:
-            for row, name in zip(states, self.ends, strict=True):
-                self._fill(row, name, frame, arm_from_world)
+        if arm_from_world is None:
+            return states
+        for row, name in zip(states, self.ends, strict=True):
+            body = frame.poses.get(name)
+            if body is None:
+                continue
+            offset = self.end_offsets.get(name, Pose.identity())
+            end = arm_from_world @ body @ offset
+            row[POSITION] = end.position
+            row[AXIS] = end.z_axis
         return states
 
     def _arm_from_world(self, frame: PoseFrame) -> Pose | None:
@@ -123,18 +130,6 @@ class ModuleEnds:
                 return None
             base = frame.poses[self.base]
         return (base @ self.base_offset).inverse()
-
-    def _fill(
-        self, row: np.ndarray, name: str, frame: PoseFrame, arm_from_world: Pose
-    ) -> None:
-        """Write the state of one module into its row."""
-        body = frame.poses.get(name)
-        if body is None:
-            return
-        offset = self.end_offsets.get(name, Pose.identity())
-        end = arm_from_world @ body @ offset
-        row[POSITION] = end.position
-        row[AXIS] = end.z_axis
 
 
 def await_poses(find_problem: Callable[[], str], advice: str) -> None:

@@ -24,10 +24,6 @@ class DropError(TrackingError):
         super().__init__(message)
         self.reason = reason
 
-    def __reduce__(self):
-        """Support pickling."""
-        return type(self), (*self.args, self.reason)
-
 
 @dataclass(frozen=True, eq=False)
 class PoseFrame:

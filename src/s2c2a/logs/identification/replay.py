@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
 
 from s2c2a.arm import ArmSpec
 from s2c2a.episodes import Episode
@@ -48,7 +47,9 @@ def replayed(
                 robot.open()
             _move_to_first_row(robot, episode, options)
             states = [robot.states()]
-            durations = _durations(episode, options)
+            durations = np.diff(episode["time"])
+            if options.settling is not None:
+                durations = np.full(len(durations), options.settling)
             for action, duration in zip(
                 episode["actions"][:-1], durations, strict=True
             ):
@@ -87,13 +88,6 @@ def _move_to_first_row(
         return
     if np.isfinite(cables[0]).all():
         robot.step(cables[0], options.settling or robot.arm.control_period)
-
-
-def _durations(episode: Episode, options: Replay) -> Float[np.ndarray, " steps"]:
-    recorded = np.diff(episode["time"])
-    if options.settling is None:
-        return recorded
-    return np.full(len(recorded), options.settling)
 
 
 def thinned(episodes: Sequence[Episode], rows: int) -> list[Episode]:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from s2c2a.lab.tracking.poses import Pose, angle_between
+from s2c2a.lab.tracking.poses import Pose, are_near
 
 MAX_FRAMES = 200  # of the average; after that, the newest replaces a 200th
 MOVED_POSITION = 0.01  # m
@@ -41,7 +41,7 @@ class BaseAverage:
             return self.pose if self._far == 0 else None
         if self.pose is None:
             self._take(measured)
-        elif not _is_near(measured, self.pose):
+        elif not are_near(measured, self.pose, MOVED_POSITION, MOVED_ROTATION):
             self._far += 1
             if self._far < MOVED_FRAMES:
                 return None
@@ -63,9 +63,3 @@ class BaseAverage:
         sign = 1.0 if before.rotation @ measured.rotation >= 0 else -1.0
         rotation = (1 - share) * before.rotation + share * sign * measured.rotation
         self.pose = Pose(position, rotation / np.linalg.norm(rotation))
-
-
-def _is_near(first: Pose, second: Pose) -> bool:
-    distance = np.linalg.norm(first.position - second.position)
-    is_close = bool(distance < MOVED_POSITION)
-    return is_close and angle_between(first, second) < MOVED_ROTATION

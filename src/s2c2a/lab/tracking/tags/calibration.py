@@ -199,7 +199,21 @@ def calibrate_views(
             f"{MAX_FOCAL_STD:.0%} are allowed: keep the board flat and still, and tilt "
             "it by about 40 degrees in some pictures"
         )
-    return _model(matrix, distortion, rms, width, height, len(views), board)
+    try:
+        return CameraModel(
+            width=width,
+            height=height,
+            focal_lengths=(float(matrix[0, 0]), float(matrix[1, 1])),
+            center=(float(matrix[0, 2]), float(matrix[1, 2])),
+            distortion=tuple(float(value) for value in distortion[:DISTORTIONS]),
+            rms=rms,
+            views=len(views),
+            board=board,
+        )
+    except ValueError as error:
+        raise CameraError(
+            f"the calibration gives no plausible camera: {error}; take new pictures"
+        ) from error
 
 
 def _solve(
@@ -221,29 +235,3 @@ def _solve(
             f"the calibration fails: {error.err}; take new pictures of the flat board"
         ) from error
     return float(rms), matrix, np.ravel(distortion), np.ravel(deviations)
-
-
-def _model(
-    matrix: np.ndarray,
-    distortion: np.ndarray,
-    rms: float,
-    width: int,
-    height: int,
-    views: int,
-    board: Board,
-) -> CameraModel:
-    try:
-        return CameraModel(
-            width=width,
-            height=height,
-            focal_lengths=(float(matrix[0, 0]), float(matrix[1, 1])),
-            center=(float(matrix[0, 2]), float(matrix[1, 2])),
-            distortion=tuple(float(value) for value in distortion[:DISTORTIONS]),
-            rms=rms,
-            views=views,
-            board=board,
-        )
-    except ValueError as error:
-        raise CameraError(
-            f"the calibration gives no plausible camera: {error}; take new pictures"
-        ) from error

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from s2c2a.files.json_files import load_json, save_json
 from s2c2a.files.text import read_text
 from s2c2a.files.validation import explained
-from s2c2a.lab.tracking.poses import TrackingError
+from s2c2a.lab.tracking.poses import StoredTable, TrackingError
 from s2c2a.lab.tracking.tags import yaml_cameras
 
 FORMAT = 1
@@ -25,7 +25,7 @@ class CameraError(TrackingError):
     """A camera model is damaged, or cannot be found from the pictures."""
 
 
-class Board(BaseModel):
+class Board(StoredTable):
     """A ChArUco board: a chess board with a marker in every white square.
 
     Attributes:
@@ -34,8 +34,6 @@ class Board(BaseModel):
         square: side of a square [m].
         marker: side of a marker [m], less than that of a square.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     columns: int = Field(default=7, strict=True, ge=3, le=14)
     rows: int = Field(default=5, strict=True, ge=3, le=14)
@@ -49,7 +47,7 @@ class Board(BaseModel):
         return self
 
 
-class CameraModel(BaseModel):
+class CameraModel(StoredTable):
     """Projection of a camera: pinhole with radial and tangential distortion.
 
     A point (x, y, z) of the camera frame (x right, y down, z forward) appears at
@@ -66,8 +64,6 @@ class CameraModel(BaseModel):
         views: pictures of the calibration.
         board: of the calibration; None if the model was made otherwise.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     format: int = Field(default=FORMAT, ge=FORMAT, le=FORMAT)
     width: int = Field(strict=True, ge=16, le=MAX_SIDE)

@@ -82,10 +82,6 @@ class TagError(DropError):
     def __init__(self, reason: TagDropReason, message: str = ""):
         super().__init__(message or reason.value, reason)
 
-    def __reduce__(self):
-        """Support pickling."""
-        return type(self), (self.reason, *self.args)
-
 
 def detect_tags(gray: np.ndarray, known: Iterable[int]) -> Detections:
     """Detect tags and refine their corners.

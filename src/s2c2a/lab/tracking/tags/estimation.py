@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from s2c2a.lab.tracking.poses import Pose, angle_between
+from s2c2a.lab.tracking.poses import Pose, angle_between, are_near
 from s2c2a.lab.tracking.tags.camera import CameraModel
 from s2c2a.lab.tracking.tags.detection import (
     TagDropReason,
@@ -175,7 +175,11 @@ def _candidates(
         raise TagError(TagDropReason.MISFIT)
     distinct: list[PoseCandidate] = []
     for candidate in sorted(usable, key=lambda one: one.error):
-        if not any(_are_one(candidate.pose, one.pose) for one in distinct):
+        known = (
+            are_near(candidate.pose, one.pose, _SAME_POSITION, _SAME_ROTATION)
+            for one in distinct
+        )
+        if not any(known):
             distinct.append(candidate)
     return distinct
 
@@ -236,12 +240,6 @@ def _project(
         points, vector, pose.position, camera.matrix, camera.coefficients
     )
     return projected.reshape(-1, 2), jacobian[:, :6]
-
-
-def _are_one(first: Pose, second: Pose) -> bool:
-    distance = np.linalg.norm(first.position - second.position)
-    is_near = bool(distance < _SAME_POSITION)
-    return is_near and angle_between(first, second) < _SAME_ROTATION
 
 
 def _choose_by_rough(

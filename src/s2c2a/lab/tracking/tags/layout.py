@@ -6,11 +6,11 @@ from collections.abc import Iterable
 
 import numpy as np
 from jaxtyping import Float
-from pydantic import BaseModel, ConfigDict, Field, field_validator
+from pydantic import Field, field_validator
 
 from s2c2a.errors import counted, did_you_mean
 from s2c2a.files.json_files import load_json, save_json
-from s2c2a.lab.tracking.poses import Pose, StoredRotation, TrackingError
+from s2c2a.lab.tracking.poses import Pose, StoredRotation, StoredTable, TrackingError
 
 FORMAT = 1
 FAMILY = "36h11"
@@ -30,7 +30,7 @@ class LayoutError(TrackingError):
     """A layout of tags is damaged or impossible."""
 
 
-class Tag(BaseModel):
+class Tag(StoredTable):
     """A tag on a body.
 
     The tag frame has its origin in the center of the tag, x to the right, y up and z
@@ -43,8 +43,6 @@ class Tag(BaseModel):
         position: of the tag in the frame of the body [m].
         rotation: `T_body_tag`'s unit quaternion (x, y, z, w).
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     id: int = Field(strict=True, ge=0, le=MAX_ID)
     body: str = Field(min_length=1, max_length=64)
@@ -78,15 +76,13 @@ class Tag(BaseModel):
         return f"{self.body}  {side}  id {self.id}"
 
 
-class TagLayout(BaseModel):
+class TagLayout(StoredTable):
     """All tags of an arm.
 
     Attributes:
         family: of the tags.
         tags: in any order; every id occurs once.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     format: int = Field(default=FORMAT, ge=FORMAT, le=FORMAT)
     family: str = Field(default=FAMILY, pattern=f"^{FAMILY}$")

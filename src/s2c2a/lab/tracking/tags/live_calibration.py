@@ -146,14 +146,11 @@ def take_views(
         image = picture[0]
         shape = image.shape[:2]
         view = find_board(image, board)
-        is_still = view is not None and _rests(view, before, shape[1])
-        if view is not None and is_still and is_new_view(view, views, shape[1]):
-            views.append(view)
-            last = time.monotonic()
-            progress("views", len(views), count)
+        if view is not None and before is not None:
+            rests = movement(view, before) < MAX_REST * shape[1]
+            if rests and is_new_view(view, views, shape[1]):
+                views.append(view)
+                last = time.monotonic()
+                progress("views", len(views), count)
         before = view
     return views, shape
-
-
-def _rests(view: BoardView, before: BoardView | None, width: int) -> bool:
-    return before is not None and movement(view, before) < MAX_REST * width

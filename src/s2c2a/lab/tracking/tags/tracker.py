@@ -2,7 +2,6 @@
 
 import os
 import time
-from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from threading import Event
@@ -21,7 +20,6 @@ from s2c2a.lab.tracking.tracker import PoseFrame
 
 CONTINUITY_TIME = 0.3  # s; for which the previous pose of a body decides
 SILENCE = 1.0  # s; without pictures, after which there is a problem
-RATE_PICTURES = 60  # for the measured rate
 
 
 class TagTracker(ReceivingTracker):
@@ -61,15 +59,6 @@ class TagTracker(ReceivingTracker):
         super()._reset()
         self._base = BaseAverage()
         self._previous: dict[str, tuple[float, Pose]] = {}
-        self._arrivals: deque[float] = deque(maxlen=RATE_PICTURES)
-
-    @property
-    def rate(self) -> float:
-        """Measured rate of the frames [Hz]; zero before the second."""
-        arrivals = list(self._arrivals)
-        if len(arrivals) < 2 or time.perf_counter() - arrivals[-1] > SILENCE:
-            return 0.0
-        return (len(arrivals) - 1) / max(arrivals[-1] - arrivals[0], 1e-9)
 
     @property
     def problem(self) -> str:
@@ -136,7 +125,6 @@ class TagTracker(ReceivingTracker):
             self._restarts += self._base.restarts - moved
             if average is not None:
                 poses[BASE] = average
-        self._arrivals.append(arrival)
         self._keep(PoseFrame(arrival, source, self._accepted, poses))
 
 
