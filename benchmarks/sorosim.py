@@ -117,7 +117,6 @@ def rod(
         modules=(half, half),
     )
     layout = Fidelity(
-        "rod",
         segments // 2,
         True,
         False,
