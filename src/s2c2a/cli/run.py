@@ -446,8 +446,7 @@ def _report(runs: "Sequence[jobs.Run]", directory: Path, title: str) -> None:
         if run.earlier:
             text = jobs.describe_repetitions(run)
             print(f"{run.strategy}, seed {run.seed}: {text}")
-    length = runs[0].job.arm.length
     for row in rows:
         if row.metric == "position":
-            share = row.mean / length
+            share = row.mean / runs[0].job.arm.length
             print(f"{row.strategy}: position error {share:.1f} % of the arm's length")

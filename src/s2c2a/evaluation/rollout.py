@@ -74,6 +74,7 @@ def repeated_rollout(
     task: Task,
     repetitions: int,
     progress: StepProgress = lambda done, total: None,
+    clock: Clock | None = None,
     keep: Keep = forget,
     on_step: OnStep = ignore_step,
 ) -> list[Episode]:
@@ -87,6 +88,7 @@ def repeated_rollout(
         task: one goal for every control step.
         repetitions: their number.
         progress: called with the number of steps done and of all steps.
+        clock: source of time; see `Loop`.
         keep: called with the episodes of all repetitions until an error; see
             `rollout`.
         on_step: see `rollout`.
@@ -107,7 +109,7 @@ def repeated_rollout(
         for episode in (*episodes, interrupted):
             keep(episode)
 
-    with Loop(robot, strategy, on_step=on_step) as loop:
+    with Loop(robot, strategy, clock, on_step=on_step) as loop:
         for number in range(repetitions):
 
             def report(done: int, _: int, before: int = number * steps) -> None:
