@@ -1,7 +1,9 @@
 """Single figures within sentences: which rows of `results/` each one shows."""
 
+import json
 from collections.abc import Callable
 
+from tools import ROOT
 from tools.page_tables import real_tips
 from tools.results_tables import find_row, find_rows, load_rows, number
 
@@ -56,6 +58,13 @@ def _deepest_touch() -> str:
     return f"{number(depth, 1)} mm"
 
 
+def _hours() -> str:
+    """Of all parts together, as each states them."""
+    files = (ROOT / "results").glob("*/made.json")
+    parts = [json.loads(file.read_text(encoding="utf-8")) for file in files]
+    return f"{number(sum(part.get('hours', 0.0) for part in parts), 1)} hours"
+
+
 FIGURES: dict[str, Callable[[], str]] = {
     "paths-past-obstacles": _paths_past_obstacles,
     "path-without-obstacles": lambda: f"{number(_path_length('reach-0'), 0)} cm",
@@ -64,6 +73,7 @@ FIGURES: dict[str, Callable[[], str]] = {
     "real-best": lambda: _nearest_to_real_arms("best"),
     "real-process": lambda: _nearest_to_real_arms("process"),
     "deepest-touch": _deepest_touch,
+    "hours": _hours,
     "worst-sensor-fault": lambda: _largest_error("worst error"),
     "worst-recovery": lambda: _largest_error("worst error after recovery"),
 }

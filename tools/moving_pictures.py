@@ -73,12 +73,15 @@ class Shot:
 
 SHOTS = {
     # then it waits at the target
-    "around": Shot(seconds=9.0, side=SIDE, speed=SPEED),
+    "around": Shot(seconds=15.0, side=SIDE, speed=SPEED),
     # across the ball's path
     "flee": Shot(eye=(0.4, -2.4, 1.3), side=SIDE, speed=SPEED),
     # faces the word
     "word": Shot(eye=(1.4, -1.6, 2.2), crop=(80, 70, 340), side=SIDE, speed=SPEED),
     "follow": Shot(seconds=32.0),  # before the target leaves the reach
+    # with the whole word "gravity"
+    "pressure": Shot(crop=(20, 45, 340)),
+    "planar": Shot(crop=(20, 45, 340)),
 }
 """Of pictures that need another view than `Shot()`."""
 
