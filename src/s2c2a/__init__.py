@@ -55,7 +55,7 @@ import lazy_loader
 from s2c2a.execution.after_import import import_after
 from s2c2a.execution.jax_settings import configure_jax
 
-__version__ = "1.0.0"
+__version__ = "1.1.0.dev0"
 
 configure_jax()  # before a module of the package imports JAX
 import_after("gymnasium", "s2c2a.integrations.environments.registration")
