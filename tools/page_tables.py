@@ -472,10 +472,14 @@ def real_tips() -> dict[str, dict[str, float]]:
     tips: dict[str, dict[str, float]] = {}
     for file in REAL_FILES:
         for row in find_rows(f"{file}/real.json", metric="tip"):
-            arm, _, split = row["task"].partition(", ")
-            title = f"`{arm}`, {REAL_TITLES.get(split.split()[0], 'another session')}"
-            tips.setdefault(title, {})[row["strategy"]] = row["mean"]
+            tips.setdefault(held_out(row), {})[row["strategy"]] = row["mean"]
     return tips
+
+
+def held_out(row: dict[str, Any]) -> str:
+    """Recording and held-out rows of a row; other sessions are named by their files."""
+    arm, _, split = row["task"].partition(", ")
+    return f"`{arm}`, {REAL_TITLES.get(split.split()[0], 'another session')}"
 
 
 @shown_as("real-tips")
@@ -494,19 +498,19 @@ def real_tips_table() -> str:
 def real_table() -> str:
     """What models on recordings of real arms say of their errors."""
     rows = [
-        (file, row)
+        row
         for file in REAL_FILES
         for row in find_rows(f"{file}/real.json")
         if row["metric"] in REAL_SCORES
     ]
-    models = list(dict.fromkeys(row["strategy"] for _, row in rows))
-    means: dict[tuple[str, str, str], dict[str, float]] = {}
-    for file, row in rows:
-        line = means.setdefault((file, row["task"], row["metric"]), {})
+    models = list(dict.fromkeys(row["strategy"] for row in rows))
+    means: dict[tuple[str, str], dict[str, float]] = {}
+    for row in rows:
+        line = means.setdefault((held_out(row), row["metric"]), {})
         line[row["strategy"]] = row["mean"]
     lines = [
-        [task, REAL_SCORES[metric], *(three_digits(line.get(each)) for each in models)]
-        for (_, task, metric), line in means.items()
+        [title, REAL_SCORES[metric], *(three_digits(line.get(each)) for each in models)]
+        for (title, metric), line in means.items()
     ]
     return table(["held out", "score", *models], lines)
 
@@ -539,6 +543,7 @@ MOTION_FILES = ("motion/results.json", "motion-randomised/results.json")
 TURNS = ("16 s", "8 s", "5 s", "3 s")
 PATHS = ("square", "eight", "helix", "star")
 MOVING_ARMS = ("twin_arm", "twin_arm_50_0", "twin_arm_50_1")
+UNTOUCHED = "no point deeper than 2 mm"
 MOVING_TASKS = (*(f"circle, {turn} a turn" for turn in TURNS), *PATHS)
 
 
@@ -595,7 +600,7 @@ def limits_table() -> str:
     shares = [f"{100 * rows[0]['mean']:.1f}" if rows else MISSING for rows in agree]
     lines.append(["verdicts of `reach` that a long search shares [%]", *shares])
     for task in ("drawn scenes", "crossing spheres"):
-        for metric, says in (("reached", "target reached"), ("untouched", "no touch")):
+        for metric, says in (("reached", "target reached"), ("untouched", UNTOUCHED)):
             row = find_row("scenes/results.json", task=task, metric=metric)
             lines.append(
                 [
@@ -646,7 +651,7 @@ def scene_shares_table() -> str:
     ]
     least = number(min(turned), 2)
     lines.append(["turned tasks, means of the seeds", MISSING, MISSING, least])
-    header = ["scenes", "reached within 1 cm", "no point deeper than 2 mm"]
+    header = ["scenes", "reached within 1 cm", UNTOUCHED]
     return table([*header, "smallest clearance [cm]"], lines)
 
 
