@@ -156,12 +156,12 @@ def _payloads(files: Sequence[Path], work: Work = ALL_CORES) -> None:
 
     The state estimator uses the encoders and, for the first seconds, the tip position.
     """
-    from s2c2a.data import load_recording
     from s2c2a.strategies import load_networks
     from s2c2a_experiments.payloads import EXPERIMENT, SEEN, payload_rows
+    from s2c2a_experiments.real import recordings_by_name
 
     weights, *recordings = files
-    loaded = {str(path.with_suffix("")): load_recording(path) for path in recordings}
+    loaded = recordings_by_name(recordings)
     options = {"weights": weights, "recordings": [str(path) for path in recordings]}
     title = f"payloads, tip measured for {SEEN:g} s"
     networks = load_networks(weights)

@@ -10,6 +10,7 @@ from bisect import bisect_left
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
+from os.path import commonpath
 from pathlib import Path
 from typing import NamedTuple
 
@@ -165,7 +166,7 @@ class RealComparison(NamedTuple):
     Attributes:
         recording: to train on.
         splits: of it.
-        unseen: other recordings of the same arm, for tests only, by file path. They judge
+        unseen: other recordings of the same arm, for tests only, by name. They judge
             a training on the whole recording: the split that holds nothing out.
         models: names of `MODELS`.
         gap: samples beside held-out ones that nothing uses.
@@ -189,13 +190,25 @@ class RealComparison(NamedTuple):
             RecordingError: a file is no recording, is of another arm, or is too short.
         """
         whole = load_recording(recording)
-        others = {str(path.with_suffix("")): load_recording(path) for path in unseen}
+        others = recordings_by_name(unseen)
         for name, other in others.items():
             _check_same_arm(name, other.arm, Path(recording).stem, whole.arm)
         splits = [split_blocks(whole, BLOCK), split_largest(whole, LARGEST)]
         if others:
             splits.append(HeldOutSplit("nothing", _no_samples(whole)))
         return cls(whole, tuple(splits), others, tuple(MODELS))
+
+
+def recordings_by_name(paths: Sequence[Path]) -> dict[str, Recording]:
+    """Recordings by their paths in the folder that holds them all, wherever that is.
+
+    Raises:
+        RecordingError: a file is no recording.
+    """
+    files = [path.resolve().with_suffix("") for path in paths]
+    folder = commonpath([file.parent for file in files]) if files else ""
+    names = [file.relative_to(folder).as_posix() for file in files]
+    return dict(zip(names, map(load_recording, paths), strict=True))
 
 
 def _check_same_arm(
