@@ -1,9 +1,13 @@
+import hashlib
 import re
 import subprocess
 import sys
+from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -12,8 +16,16 @@ from s2c2a.arm.sensors import Camera, Sensors
 from s2c2a.errors import StrategyError
 from s2c2a.integrations.control_step import ControlStep
 from s2c2a.integrations.exports.c_source import c_of, export_c, name_of
-from s2c2a.strategies import networks_from, save_networks, strategy_of
+from s2c2a.models.session import DayChange
+from s2c2a.strategies import (
+    networks_from,
+    save_networks,
+    save_session,
+    session_path,
+    strategy_of,
+)
 from s2c2a.strategies.pcc import pcc_strategy
+from s2c2a.strategies.session import Numbers, Session
 
 from tools.c_step import (
     COMPILER,
@@ -25,6 +37,7 @@ from tools.c_step import (
 )
 
 STEPS = 1000
+FIXTURES = Path(__file__).parents[1] / "fixtures"
 CALLER = """
 #include "my_arm.h"
 static my_arm_memory memory;
@@ -139,6 +152,28 @@ def test_the_command_writes_c_that_compiles(tmp_path):
         ["./use"],
     ):
         subprocess.run(line, cwd=tmp_path, check=True)
+
+
+@pytest.mark.slow
+def test_c_holds_the_model_of_the_present_day(tmp_path):
+    weights = tmp_path / "arm.safetensors"
+    weights.write_bytes((FIXTURES / "best.safetensors").read_bytes())
+    export_c(weights, tmp_path / "arm.c")
+    trained = (tmp_path / "arm.c").read_text()
+    count = load_arm("twin_arm").module_count
+    change = replace(DayChange.none(count), softness=jnp.full(count, 0.2))
+    session = Session(
+        weights=hashlib.sha256(weights.read_bytes()).hexdigest(),
+        arm="twin_arm",
+        date=datetime.now(UTC),
+        change=Numbers.of(change),
+        before=0.01,
+        after=0.005,
+        improves=True,
+    )
+    save_session(session, session_path(weights))
+    export_c(weights, tmp_path / "arm.c")
+    assert (tmp_path / "arm.c").read_text() != trained
 
 
 def test_names_of_files_become_names_of_c(tmp_path):

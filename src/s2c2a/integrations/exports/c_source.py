@@ -8,7 +8,7 @@ from s2c2a.errors import StrategyError
 from s2c2a.files.text import write_atomically
 from s2c2a.integrations.c_code.interface import Generated, generate
 from s2c2a.integrations.control_step import ControlStep
-from s2c2a.strategies import RunOptions, load_networks, strategy_of
+from s2c2a.strategies import RunOptions, networks_from, strategy_of
 from s2c2a.strategies.strategy import Strategy
 
 
@@ -68,7 +68,7 @@ def strategy_in(file: Path) -> Strategy:
     Raises:
         StrategyError: no weight file, or a strategy without a control step.
     """
-    strategy = strategy_of(load_networks(file), RunOptions())
+    strategy = strategy_of(networks_from(file), RunOptions())
     if not isinstance(strategy, Strategy):
         raise StrategyError(
             f"{file} holds a strategy of its own kind ({type(strategy).__name__}), which "
