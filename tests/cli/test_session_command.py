@@ -91,3 +91,13 @@ def test_weights_older_than_the_homing_are_named(weights, capsys, hours, warns):
     factory = SimpleNamespace(make=lambda arm: robot)
     run_command._warn_of_age(factory, TWIN, weights, None)
     assert ("`s2c2a session" in capsys.readouterr().out) == warns
+
+
+def test_a_motion_that_fails_replaces_no_earlier_one(weights, refusal):
+    motion = weights.with_suffix(".session.episodes")
+    motion.write_bytes((FIXTURES / "twin.episodes").read_bytes())
+    before = sorted(weights.parent.iterdir())
+    failing = ("--robot-option", "events=0 homing_error 1.5")
+    assert "diverged" in refusal("session", str(weights), "--seconds", "5", *failing)
+    assert sorted(weights.parent.iterdir()) == before
+    assert motion.read_bytes() == (FIXTURES / "twin.episodes").read_bytes()

@@ -210,10 +210,7 @@ def _has_own_networks(weights: Path | None) -> bool:
 
 
 def _given_networks(
-    weights: Path,
-    spec: "arm.ArmSpec",
-    recipe: "strategies.Recipe | None",
-    session: str,
+    weights: Path, spec: "arm.ArmSpec", recipe: "strategies.Recipe | None", session: str
 ) -> "jobs.GivenNetworks":
     """The networks of a file with its session, or those of the package."""
     from s2c2a import evaluation, jobs, strategies

@@ -3,6 +3,7 @@
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import tyro
 
@@ -72,19 +73,25 @@ def session(
             )
         if not 0.0 < seconds < MAX_COUNT:
             raise RecordingError(f"cannot move for {seconds:g} s; give --seconds 50")
-        with progress_bar() as progress, emergency_controls(factory):
+        motion = weights.with_suffix(".session.episodes")
+        # what a motion that fails has recorded replaces no earlier one
+        with (
+            TemporaryDirectory(dir=weights.parent) as folder,
+            progress_bar() as progress,
+            emergency_controls(factory),
+        ):
             moved = api.collect(
                 spec,
-                weights.with_suffix(".session.episodes"),
+                Path(folder) / motion.name,
                 episodes=1,
                 samples=round(seconds / spec.control_period),
                 seed=seed,
                 recipe=networks.recipe,
                 robot=factory,
-                overwrite=True,
                 threads=1,
                 progress=partial(progress, f"moving {spec.name}"),
             )
+            (Path(folder) / motion.name).replace(motion)
     try:
         earlier = strategies.session_of(weights)
     except StrategyError:  # of another training, or damaged

@@ -258,10 +258,7 @@ def named_error(trace: Trace) -> str:
 
 
 def draw_lines(
-    axes: Axes,
-    traces: Sequence[Trace],
-    colors: Colors,
-    shown: Callable,
+    axes: Axes, traces: Sequence[Trace], colors: Colors, shown: Callable
 ) -> None:
     """Draw a line for each trace, labeled with its error; the first in front.
 
