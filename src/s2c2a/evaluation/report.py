@@ -30,7 +30,7 @@ PLAN_OUTCOMES = {
     Outcome.PASSING: "an obstacle on or near the path of the target kept the tip off",
 }
 """What the planner did in a step; plans that reach their goal or move are not reported."""
-RARE = 2.0  # % of the steps; not reported: the last one always lacks a state
+RARE = 2.0  # % of the steps: so few are not reported; the last one always lacks a state
 
 
 @dataclass(frozen=True)

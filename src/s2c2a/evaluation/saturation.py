@@ -21,7 +21,7 @@ def describe_saturation(
         actions: that were sent [m or N].
 
     Returns:
-        A sentence; empty if hardly a command was at a limit (`RARE`).
+        A sentence; empty if few commands were at a limit (`RARE`).
     """
     steps = actions.reshape(-1, arm.module_count, arm.cable_count)
     low, high = command_range(arm)

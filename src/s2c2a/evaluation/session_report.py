@@ -67,11 +67,9 @@ def describe_session(fit: SessionFit, arm: ArmSpec) -> list[str]:
             unclear[cause] = names
     if unclear:
         is_changed = _is_distinct(*fit.posterior.part(*chain(*unclear.values())))
-        told = (
-            "changed, alone or together"
-            if is_changed
-            else "not distinguishable from none"
-        )
+        told = "changed, alone or together"
+        if not is_changed:
+            told = "not distinguishable from none"
         lines.append(f"{' or '.join(unclear)}: {told}")
     return lines
 
@@ -86,7 +84,7 @@ def describe_disagreement(episode: Episode) -> str:
 
     The squared errors, relative to the stated variance (the normalized innovation
     squared), are compared with the chi-square distribution of as many independent
-    samples as the run has. An error that is insignificant (`SIGNIFICANT`) counts not.
+    samples as the run has. An insignificant error (`SIGNIFICANT`) does not count.
 
     Returns:
         Empty where they agree or do not count.
