@@ -6,14 +6,20 @@ import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from markdown import markdown
 
 from tools import ROOT
 from tools.check_site import findings
+
+SITE = tomllib.loads((ROOT / "zensical.toml").read_text(encoding="utf-8"))["project"]
+FIRST = (ROOT / "docs/index.md").read_text(encoding="utf-8")
+OURS = [name for name in SITE["markdown_extensions"] if name.startswith("tools.")]
 
 
 def public_names(package: str) -> Iterator[tuple[str, str]]:
@@ -55,6 +61,31 @@ def test_links_between_pages_lead_to_a_file_of_the_documentation():
             if ":" not in address and not is_there:
                 lost.append(f"{page.relative_to(ROOT)}: {address}")
     assert lost == []
+
+
+def test_the_first_page_has_pictures_commands_and_python_on_one_screen():
+    """They end at 880 of 900 pixels in a browser of 1400."""
+    assert "hide: [navigation, toc]" in FIRST
+    screen = FIRST.split("\n## ")[0]
+    blocks = re.findall(r"```(\w+)\n(.*?)```", screen, re.DOTALL)
+    lines = {language: text.count("\n") for language, text in blocks}
+    assert screen.count(".gif)") == 3
+    assert lines == {"sh": 2, "python": 9}
+
+
+@pytest.mark.parametrize(
+    ("cell", "shown"),
+    [
+        ("0.24 ± 0.01", "0.24&nbsp;±&nbsp;0.01"),
+        ("17; 10.7; 18.0", "17;&nbsp;10.7;&nbsp;18.0"),
+        ("0.05 ± 0.01; 0.30 ± 0.05", "0.05&nbsp;±&nbsp;0.01; 0.30&nbsp;±&nbsp;0.05"),
+        ("as 3 modules", "as 3 modules"),
+        ("`run a-b --x 1`", '<code>run a-b <span class="option">--x</span> 1</code>'),
+    ],
+)
+def test_values_of_tables_and_options_of_commands_stay_on_one_line(cell, shown):
+    text = markdown(f"| a |\n| --- |\n| {cell} |", extensions=["tables", *OURS])
+    assert f"<td>{shown}</td>" in text
 
 
 @pytest.mark.slow
