@@ -415,7 +415,9 @@ def test_no_names_of_planners_overlap_in_the_figure(plotted):
     points |= {"same": (1.5, 0.9), "equal": (1.5, 0.9), "highest": (2.0, 1.0)}
     drawn, axes = plotted(points)
     drawn.draw_without_rendering()
-    boxes = [text.get_window_extent() for text in axes.texts if text.get_text()]
+    texts = [text for text in axes.texts if text.get_text()]
+    # two pixels apart, or names of one line read as one
+    boxes = [text.get_window_extent().padded(1) for text in texts]
     assert len(boxes) == len(points)
     assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
 
@@ -499,6 +501,9 @@ def test_the_line_holds_those_that_nobody_beats_in_both_on_all_arms(plotted):
     lines = {line.get_label(): line for line in axes.lines}
     front = lines["beaten by none in both"].get_xydata().tolist()
     assert front == [[1.0, 0.5], [9.0, 0.9]]
+    hollow = [line for line in axes.lines if line.get_markerfacecolor() == "none"]
+    assert [line.get_xydata().tolist() for line in hollow] == [[[0.5, 1.0]], []]
+    assert hollow[-1].get_label() == "not on all arms"
 
 
 def test_a_trembling_motion_has_more_jerk_however_long_and_wide_it_is():

@@ -48,7 +48,7 @@ def planners_figure(
         path: file to write, ending in .png, .pdf or .svg; replaced if it exists.
         own: names of the user's entrants, which have colors like the best.
         partial: names of entrants that do not run on all arms, whose times are of other
-            runs: no line compares them.
+            runs: their points are hollow, and no line compares them.
     """
     figure = new_figure(11.0, 4.6)
     grid = figure.add_gridspec(1, 2)
@@ -59,7 +59,7 @@ def planners_figure(
     pareto_axes = new_axes(figure, grid[0, 1], time, "success")
     comparable = {name: points[name] for name in points if name not in partial}
     front = pareto(comparable)
-    _draw_pareto(pareto_axes, points, front)
+    _draw_pareto(pareto_axes, points, front, partial)
     legend(figure)
     _label(figure, pareto_axes, points, front)
     return save_figure(figure, path)
@@ -88,11 +88,19 @@ def _draw_profiles(
 
 
 def _draw_pareto(
-    axes: Axes, points: Mapping[str, tuple[float, float]], front: Collection[str]
+    axes: Axes,
+    points: Mapping[str, tuple[float, float]],
+    front: Collection[str],
+    partial: Collection[str],
 ) -> None:
     """Entrants that no other one beats in both are in color, with a line."""
     for name, (time, share) in points.items():
-        axes.plot(time, share, "o", color=_color(name, front), markersize=5)
+        fill = "none" if name in partial else _color(name, front)
+        look: dict[str, Any] = {"color": _color(name, front), "markerfacecolor": fill}
+        axes.plot(time, share, "o", markersize=5, **look)
+    if partial:
+        hollow: dict[str, Any] = {"color": INK, "markerfacecolor": "none"}
+        axes.plot([], [], "o", markersize=5, label="not on all arms", **hollow)
     line = np.array(sorted(points[name] for name in front)).reshape(-1, 2)
     axes.step(
         line[:, 0],
@@ -144,7 +152,7 @@ def _label(
                 box.overlaps(other) for other in taken
             ):
                 break
-        taken.append(text.get_window_extent())
+        taken.append(text.get_window_extent().padded(width))
         if distance > LABEL_DISTANCES[0]:
             axes.annotate(
                 "",
