@@ -1,4 +1,4 @@
-"""Extension of Markdown: values in tables and options of commands stay on one line."""
+"""Extension of Markdown: values in tables, options and names stay on one line."""
 
 import re
 
@@ -8,16 +8,17 @@ from markdown.postprocessors import Postprocessor
 
 VALUE = re.compile(r"(?<=<td>)-?\d[^<]*")
 CODE = re.compile(r"(?<=<code>)[^<]+(?=</code>)")
-OPTION = re.compile(r"(?<!\S)-\S+")
 LONGEST = 15  # characters, as `17; 10.7; 18.0`: longer values break, but not at ±
+# options, and short names with dashes
+WHOLE = re.compile(rf"(?<!\S)(?:-\S+|(?=\S{{,{LONGEST}}}(?!\S))\w+-\S+)")
 
 
 class Unbroken(Postprocessor):
-    """Replaces spaces of values, and marks options, at whose dashes browsers break."""
+    """Replaces spaces of values, and marks words at whose dashes browsers break lines."""
 
     def run(self, text: str) -> str:
         """Change the cells and the inline code of a page, which is HTML."""
-        return CODE.sub(_with_marked_options, VALUE.sub(_unbroken, text))
+        return CODE.sub(_with_whole_words, VALUE.sub(_unbroken, text))
 
 
 def _unbroken(value: re.Match[str]) -> str:
@@ -25,8 +26,8 @@ def _unbroken(value: re.Match[str]) -> str:
     return re.sub(inside, "&nbsp;", value[0])
 
 
-def _with_marked_options(code: re.Match[str]) -> str:
-    return OPTION.sub(r'<span class="option">\g<0></span>', code[0])
+def _with_whole_words(code: re.Match[str]) -> str:
+    return WHOLE.sub(r'<span class="whole">\g<0></span>', code[0])
 
 
 class UnbrokenExtension(Extension):

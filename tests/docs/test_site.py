@@ -18,6 +18,7 @@ from tools import ROOT
 from tools.check_site import findings
 
 SITE = tomllib.loads((ROOT / "zensical.toml").read_text(encoding="utf-8"))["project"]
+WHOLE = '<span class="whole">{}</span>'
 FIRST = (ROOT / "docs/index.md").read_text(encoding="utf-8")
 OURS = [name for name in SITE["markdown_extensions"] if name.startswith("tools.")]
 
@@ -80,7 +81,9 @@ def test_the_first_page_has_pictures_commands_and_python_on_one_screen():
         ("17; 10.7; 18.0", "17;&nbsp;10.7;&nbsp;18.0"),
         ("0.05 ± 0.01; 0.30 ± 0.05", "0.05&nbsp;±&nbsp;0.01; 0.30&nbsp;±&nbsp;0.05"),
         ("as 3 modules", "as 3 modules"),
-        ("`run a-b --x 1`", '<code>run a-b <span class="option">--x</span> 1</code>'),
+        ("`run --a-b 1`", f"<code>run {WHOLE.format('--a-b')} 1</code>"),
+        ("`diff-ik`", f"<code>{WHOLE.format('diff-ik')}</code>"),
+        ("`a/name-of-a/file.py`", "<code>a/name-of-a/file.py</code>"),
     ],
 )
 def test_values_of_tables_and_options_of_commands_stay_on_one_line(cell, shown):
