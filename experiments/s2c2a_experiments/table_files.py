@@ -48,7 +48,9 @@ def save_across(name: str, rows: Sequence[Row], folder: Path) -> Path:
         (row.strategy, row.task, row.metric): pair(row.mean, row.std_seeds)
         for row in rows
     }
-    header = ["", *(f"{task}: {metric} [{unit}]" for task, metric, unit in columns)]
+    header = [""]
+    for task, metric, unit in columns:
+        header.append(f"{task}: {metric} [{unit}]")
     lines = []
     for strategy in dict.fromkeys(row.strategy for row in rows):
         values = [cells[strategy, task, metric] for task, metric, _ in columns]

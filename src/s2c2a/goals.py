@@ -188,10 +188,7 @@ class Goal(NamedTuple):
         centers = _numbers(centers, "obstacles")
         thresholds = _numbers(thresholds, "thresholds of obstacles")
         count = thresholds.size
-        shapes_fit = thresholds.shape == (count,) and centers.shape in (
-            (count, 3),
-            (0,),
-        )
+        shapes_fit = thresholds.ndim == 1 and centers.shape in ((count, 3), (0,))
         if not shapes_fit or count > MAX_OBSTACLES:
             raise TargetError(
                 f"obstacles have shape {centers.shape} and thresholds shape "
@@ -204,9 +201,8 @@ class Goal(NamedTuple):
                 f"got {thresholds.tolist()}"
             )
         unused = Goal.of(len(self.positions))
-        points = np.zeros((count, 8))
-        cores = points if cores is None else cores
-        solids = _numbers(cores, "cores of obstacles", "numbers", points.shape)
+        cores = np.zeros((count, 8)) if cores is None else cores
+        solids = _numbers(cores, "cores of obstacles", "numbers", (count, 8))
         return self._replace(
             obstacles=np.concatenate(
                 [centers.reshape(-1, 3), unused.obstacles[count:]]
@@ -227,9 +223,7 @@ def preview_stride(period: float) -> int:
 
 
 def previewed(
-    goals: Sequence[Goal],
-    period: float,
-    farthest: float = np.inf,
+    goals: Sequence[Goal], period: float, farthest: float = np.inf
 ) -> Iterator[Goal]:
     """Goals that know those after them; the last goal lasts.
 

@@ -1,3 +1,5 @@
+import warnings
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -12,6 +14,7 @@ from s2c2a.arm import (
     arm_to_toml,
     load_arm,
     preset_names,
+    randomized_arm,
     save_arm,
 )
 from s2c2a.arm.spec import largest_gap_deg
@@ -114,6 +117,19 @@ def test_an_unwritable_path_is_named_and_missing_folders_are_created(tmp_path):
         save_arm(load_arm("twin_arm"), tmp_path / "file" / "mine.toml")
     save_arm(load_arm("twin_arm"), tmp_path / "new" / "mine.toml")
     assert load_arm(tmp_path / "new" / "mine.toml") == load_arm("twin_arm")
+
+
+@pytest.mark.parametrize(("deg", "count"), [(1.2, 1), (4.0, 0)])
+def test_a_bend_limit_in_radians_is_warned_of(tmp_path, deg, count):
+    arm = randomized_arm(load_arm("twin_arm"), 2, 1.0)
+    modules = tuple(
+        module.model_copy(update={"bend_limit_deg": deg}) for module in arm.modules
+    )
+    save_arm(arm.model_copy(update={"modules": modules}), tmp_path / "mine.toml")
+    with warnings.catch_warnings(record=True) as said:
+        load_arm(tmp_path / "mine.toml")
+    assert len(said) == count
+    assert all("did you mean degrees?" in str(each.message) for each in said)
 
 
 def test_a_missing_file_lists_the_presets(tmp_path):

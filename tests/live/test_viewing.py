@@ -98,14 +98,17 @@ def test_runs_and_recordings_are_distinguished(recording, twin, tmp_path):
 
 
 def test_inputs_that_cannot_be_viewed_raise(tmp_path):
-    for paths in (
-        (),
-        (str(tmp_path),),
-        ("twin_arm", "simulated_arm"),
-        ("no_such_arm",),
-        ("none.episodes",),
+    (tmp_path / "mine.csv").write_text("time,x,y,z\n0,0,0,0.5\n")
+    for paths, words in (
+        ((), "say what to look at"),
+        ((str(tmp_path),), "no runs in"),
+        (("twin_arm", "simulated_arm"), "not all are runs"),
+        (("no_such_arm",), "give a preset, an arm file, a run directory"),
+        ((str(tmp_path / "mine.csv"),), "give a preset, an arm file, a run directory"),
+        (("runs/nothing",), "give a preset, an arm file, a run directory"),
+        (("none.episodes",), "none.episodes"),
     ):
-        with pytest.raises(S2C2AError):
+        with pytest.raises(S2C2AError, match=words):
             open_window(paths, 0)
 
 

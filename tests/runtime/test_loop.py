@@ -6,10 +6,11 @@ import signal
 import numpy as np
 import pytest
 
-from s2c2a.errors import ControllerError, RobotError, S2C2AError
+from s2c2a.errors import ControllerError, RobotError, S2C2AError, TargetError
 from s2c2a.goals import Goal
 from s2c2a.runtime import CommandLimits, Loop, Patience, StepRequest
 from s2c2a.spaces import Reading, Stage
+from s2c2a.tasks import Task
 
 RUN, HOLD, RELEASE, IDLE, FAULT = (
     Stage.RUN,
@@ -322,6 +323,27 @@ def test_after_an_error_every_tick_repeats_it_until_the_arm_is_opened_again(
     assert list(loop.to_rest()) == []
     loop.open()
     assert loop.tick(StepRequest()).stage is RUN
+
+
+@pytest.mark.parametrize(
+    ("goal", "words"),
+    [
+        (Goal.of(4), r"for 4 modules, and .* has 3; begin with Goal.of\(3\)"),
+        (
+            Goal.of(3).with_position([300, 0, 0]),
+            r"300 m, and .* at most 0.6 m; .* meters",
+        ),
+    ],
+)
+def test_a_goal_that_is_none_for_the_arm_is_refused_and_the_next_one_goes_on(
+    loop, goal, words
+):
+    run_steps(loop, 2)
+    with pytest.raises(TargetError, match=words):
+        loop.tick(StepRequest(goal))
+    assert run_steps(loop, 1)[0].stage is RUN
+    with pytest.raises(TargetError):
+        next(iter(Task("far", (Goal.of(3), goal)).shown_goals(loop.arm)))
 
 
 def test_a_driver_for_another_arm_or_with_a_missing_sensor_is_refused(

@@ -134,7 +134,9 @@ HALF_SPACE = f'{ONE}kind = "half_space"\npoint = [0, 0, 0.1]\nnormal = [0, 0, 1]
     ("text", "words"),
     [
         (f"{ONE}radius = 0.1\n", "kind"),
-        (f'{ONE}kind = "cube"\n', "kind"),
+        (f'{ONE}kind = "cube"\n', "'kind' is 'cube'; write one of 'sphere', 'capsule'"),
+        (SPHERE.replace("[[", "[").replace("]]", "]"), r"below \[\[its name\]\]"),
+        (SPHERE.replace("[0, 0, 1]", "[0, 0]"), r"number 3 is missing \(got \[0, 0\]"),
         (SPHERE.replace("radius = 0.1\n", ""), "radius"),
         (SPHERE.replace("center", "centre"), "center"),
         (f'{ONE}kind = "mesh"\nfile = "none.stl"\n', "none.stl"),

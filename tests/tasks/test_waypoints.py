@@ -247,6 +247,8 @@ def test_gaps_below_a_hundredth_of_the_arm_are_ignored(table):
 
 def test_positions_in_millimeters_are_refused(twin):
     far = Waypoints(-1, np.array([1.0, 2.0]), np.full((2, 3), 300.0), None)
-    told = r"coordinates of up to 300 m \(at 1 s\).* in meters"
+    told = (
+        r"a waypoint of .millimeters. has a coordinate of 300 m.* 0.6 m; .* in meters"
+    )
     with pytest.raises(TargetError, match=told):
         waypoints_task("millimeters", [far], twin)

@@ -1,20 +1,17 @@
 """Arm files: reading and writing TOML, with error messages that name the key."""
 
 import os
+import warnings
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 import tomli_w
 from pydantic import ValidationError
 
 from s2c2a.arm.spec import ArmSpec
 from s2c2a.errors import ArmError, S2C2AError, did_you_mean
-from s2c2a.files.text import (
-    check_replaceable,
-    parse_toml,
-    read_text,
-    write_atomically,
-)
+from s2c2a.files.text import check_replaceable, parse_toml, read_text, write_atomically
 from s2c2a.files.validation import explained, key_names
 from s2c2a.plugins.discovery import trust_code
 
@@ -52,6 +49,12 @@ def load_arm(name_or_path: str | os.PathLike) -> ArmSpec:
             "or copy a preset with `s2c2a arm copy PRESET FILE`"
         )
     arm = arm_from_toml(read_text(path, ArmError), source=str(name_or_path))
+    bends = [module.bend_limit_deg for module in arm.modules if module.cable_angles_deg]
+    if min(bends) <= np.pi:  # no bend in radians is larger
+        text = (
+            f"{name_or_path}: bend_limit_deg is {min(bends):g}; did you mean degrees?"
+        )
+        warnings.warn(text, stacklevel=2)
     # other texts may stem from strangers: `s2c2a import` copies the description of a map
     names = [arm.sensing, *(raw.model for raw in arm.sensors.raw)]
     if arm.tracking is not None:

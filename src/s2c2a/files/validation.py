@@ -22,7 +22,8 @@ UNKNOWN_KEY = "extra_forbidden", "unexpected_keyword_argument"
 MESSAGES = {
     "missing": "this key is missing",
     "string_type": "write text, in quotes",
-    "tuple_type": "write a list, in brackets",
+    "tuple_type": "write a list, in brackets; of tables, each below [[its name]]",
+    "union_tag_invalid": "{discriminator} is '{tag}'; write one of {expected_tags}",
     "model_type": "write a table of keys",
     "dataclass_type": "write a table of keys",
     "int_type": "write a whole number",
@@ -88,6 +89,8 @@ def explained(
 def describe_fault(fault: Any, known: Iterable[str] = ()) -> str:
     """Say what is wrong with a value and what is allowed."""
     kind = fault["type"]
+    if kind == "missing" and isinstance(fault["loc"][-1], int):
+        return f"number {fault['loc'][-1] + 1} is missing"
     if kind in UNKNOWN_KEY:
         return unknown_key(fault["loc"][-1], known)
     message = MESSAGES.get(kind, "").format(**fault.get("ctx", {}))

@@ -23,14 +23,7 @@ from s2c2a.jobs.artifacts import (
     NetworksArtifact,
     RecordingArtifact,
 )
-from s2c2a.jobs.execution import (
-    Make,
-    check_robots,
-    in_groups,
-    made,
-    make_all,
-    try_all,
-)
+from s2c2a.jobs.execution import Make, check_robots, in_groups, made, make_all, try_all
 from s2c2a.jobs.job import Conditions, Job, Run, checked_seeds, jobs_for
 from s2c2a.jobs.prior import PriorNetworks
 from s2c2a.jobs.rows import Heading, describe_repetitions, score_rows, training_rows

@@ -54,7 +54,10 @@ def read_export(path: str | os.PathLike, text: str) -> CaptureExport:
 
 def _names(header: Sequence[list[str]]) -> list[str]:
     letters = header[-1]
-    by_key = {row[1]: row for row in header if len(row) > 1 and not row[0]}
+    by_key = {}
+    for row in header:
+        if len(row) > 1 and not row[0]:
+            by_key[row[1]] = row
     types = _padded(by_key.get("Type", []), len(letters))
     bodies = _padded(by_key.get("Name", []), len(letters))
     kinds = _padded(header[-2], len(letters))

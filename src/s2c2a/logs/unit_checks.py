@@ -34,7 +34,9 @@ def end_unit_change(lengths: Float[np.ndarray, " modules"], log_map: LogMap) -> 
     size_in_unit = total / METERS[unit]
     sizes = {name: size_in_unit * METERS[name] for name in METERS}
     target = stated or np.sqrt(low * high)
-    distances = {name: abs(np.log(size / target)) for name, size in sizes.items()}
+    distances = {}
+    for name, size in sizes.items():
+        distances[name] = abs(np.log(size / target))
     best = min(sizes, key=distances.__getitem__)
     if low < total < high or not low < sizes[best] < high:
         return ""
@@ -64,7 +66,9 @@ def drive_unit_change(gain: float, length: float, log_map: LogMap) -> str:
         high = stated * SIZE_RATIO
     radii = _radii(1 / gain, log_map)
     target = stated or np.sqrt(low * high)
-    distances = {name: abs(np.log(radius / target)) for name, radius in radii.items()}
+    distances = {}
+    for name, radius in radii.items():
+        distances[name] = abs(np.log(radius / target))
     best = min(radii, key=distances.__getitem__)
     if low < 1 / gain < high or not low < radii[best] < high:
         return ""

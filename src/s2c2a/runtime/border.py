@@ -1,4 +1,4 @@
-"""Border to robots and controllers, which may be a user's own: errors name them."""
+"""Border to robots, controllers and goals, which may be a user's own: errors name them."""
 
 import sysconfig
 import traceback
@@ -7,7 +7,13 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from s2c2a.errors import S2C2AError
+import numpy as np
+
+from s2c2a.arm import ArmSpec
+from s2c2a.errors import S2C2AError, TargetError, counted
+from s2c2a.goals import Goal
+
+MAX_DISTANCE = 10.0  # arm lengths from the base; beyond, the unit must be wrong
 
 LIBRARIES = (
     Path(__file__).parents[1],
@@ -59,3 +65,32 @@ def described(error: Exception) -> str:
         if file.is_file() and not any(map(file.is_relative_to, LIBRARIES)):
             return f"{text} ({file.name}, line {frame.lineno})"
     return text
+
+
+def check_goal(goal: Goal, arm: ArmSpec) -> None:
+    """Refuse a goal that is none for an arm.
+
+    Raises:
+        TargetError: it is for another number of modules, or not in meters.
+    """
+    count = len(goal.positions)
+    if count != arm.module_count:
+        raise TargetError(
+            f"the goal is for {counted(count, 'module')}, and '{arm.name}' has "
+            f"{arm.module_count}; begin with Goal.of({arm.module_count})"
+        )
+    check_meters(goal.positions, arm, "the goal")
+
+
+def check_meters(positions: np.ndarray, arm: ArmSpec, name: str) -> None:
+    """Refuse positions so far from the base that they cannot be in meters.
+
+    Raises:
+        TargetError: one is.
+    """
+    farthest = np.abs(positions).max()
+    if not farthest <= MAX_DISTANCE * arm.length:
+        raise TargetError(
+            f"{name} has a coordinate of {farthest:.3g} m, and '{arm.name}' reaches at "
+            f"most {arm.length:.3g} m; write positions in meters: 0.1, not 100"
+        )

@@ -21,7 +21,7 @@ from s2c2a.goals import Goal
 from s2c2a.measurements.following import FollowingMonitor
 from s2c2a.measurements.readings import ReadingCheck
 from s2c2a.robots import Robot
-from s2c2a.runtime.border import attribute
+from s2c2a.runtime.border import attribute, check_goal
 from s2c2a.runtime.checked import CheckedDriver, CheckedRobot
 from s2c2a.runtime.clock import Clock, StepClock, WallClock
 from s2c2a.runtime.driver import Driver, choose
@@ -177,11 +177,14 @@ class Loop:
         """Wait for the next control step and do it.
 
         Raises:
+            TargetError: see `check_goal`; the step is not done.
             S2C2AError: any error of the robot or the controller; the arm then stays
                 stopped until it is opened again.
         """
         if self._stopped:
             raise S2C2AError(self.fault)
+        if request.goal is not None:
+            check_goal(request.goal, self.arm)
         moment, delay = self._wait()
         try:
             self._emergency_stop.check()

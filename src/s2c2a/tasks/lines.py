@@ -11,9 +11,9 @@ from itertools import pairwise
 import numpy as np
 
 from s2c2a.arm import ArmSpec
-from s2c2a.errors import TargetError
 from s2c2a.planning import Goal, reach_gaps
-from s2c2a.tasks.task import MAX_DISTANCE, PAPER_LENGTH, Path, Score, Task
+from s2c2a.runtime.border import check_meters
+from s2c2a.tasks.task import PAPER_LENGTH, Path, Score, Task
 
 Sphere = tuple[float, float, float, float]
 """Center and threshold r [m], for an arm of 0.6 m."""
@@ -90,12 +90,7 @@ def goal_at(
             `Goal.with_axis`.
     """
     goal = Goal.of(arm.module_count).with_position(position, module=module)
-    farthest = np.abs(goal.positions).max()
-    if farthest > MAX_DISTANCE * arm.length:
-        raise TargetError(
-            f"the target has a coordinate of {farthest:g} m, and '{arm.name}' is "
-            f"{arm.length:.3g} m long; write positions in meters: 0.1, not 100"
-        )
+    check_meters(goal.positions, arm, "the target")
     return goal if axis is None else goal.with_axis(axis, module=module)
 
 

@@ -76,7 +76,8 @@ def load_task(name: str, arm: ArmSpec) -> Task:
 
     Raises:
         TargetError: no such task, an invalid file, or a custom function that
-            fails or returns no task.
+            fails, returns no task, or goals that are none for the arm
+            (`Task.check`).
     """
     if not isinstance(name, str):
         raise TargetError(
@@ -107,6 +108,7 @@ def load_task(name: str, arm: ArmSpec) -> Task:
             f"the task '{name}' made {task!r}; its function takes an arm and returns a "
             "Task"
         )
+    task.check(arm)
     return task
 
 

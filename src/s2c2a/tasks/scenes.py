@@ -33,8 +33,9 @@ from s2c2a.obstacles import (
     distances,
     turns_to,
 )
+from s2c2a.runtime.border import MAX_DISTANCE
 from s2c2a.tasks.meshes import Cover, covering_spheres
-from s2c2a.tasks.task import MAX_DISTANCE, Score, Task
+from s2c2a.tasks.task import Score, Task
 
 MESH_SIZES = (1e-3, 20.0)
 """Longest edges of meshes [m]: of a screw's head and of a room; else a unit is wrong."""

@@ -14,9 +14,10 @@ from jaxtyping import Float
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.errors import TargetError, counted
 from s2c2a.files.tables import parse_rows, read_any_text
+from s2c2a.runtime.border import check_meters
 from s2c2a.spaces import CENTER_LINE_POINTS
 from s2c2a.tasks.circle import APPROACH_TIME, ROUND_TIME
-from s2c2a.tasks.task import MAX_DISTANCE, Score, Task
+from s2c2a.tasks.task import Score, Task
 from s2c2a.tasks.waypoints import (
     MAX_BYTES,
     Waypoints,
@@ -150,13 +151,7 @@ def _check_points(name: str, points: Curve, arm: ArmSpec) -> None:
             f"the curve '{name}' has {counted(len(points), 'point')}; give at least "
             "three, from base to tip, better one every few centimeters"
         )
-    largest = np.abs(points).max()
-    if not largest <= MAX_DISTANCE * arm.length:
-        raise TargetError(
-            f"the curve '{name}' has coordinates of up to {largest:.3g} m, and "
-            f"'{arm.name}' is {arm.length:.3g} m long; write positions in meters: 0.1, "
-            "not 100"
-        )
+    check_meters(points, arm, f"the curve '{name}'")
     gap = np.linalg.norm(points[0])
     if gap > TOLERANCE * arm.length:
         raise TargetError(

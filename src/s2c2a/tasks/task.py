@@ -9,9 +9,9 @@ from jaxtyping import Bool, Float
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import TargetError, counted
 from s2c2a.goals import Goal, preview_stride, previewed
+from s2c2a.runtime.border import check_goal
 
 PAPER_LENGTH = 0.6  # m; lengths of the protocol are for an arm of this length
-MAX_DISTANCE = 10.0  # arm lengths from the base; beyond, the unit must be wrong
 Path = Float[np.ndarray, "steps 3"]
 
 
@@ -89,15 +89,29 @@ class Task:
         ]
         return replace(self, goals=tuple(goals))
 
+    def check(self, arm: ArmSpec) -> None:
+        """Refuse goals that are none for an arm.
+
+        Raises:
+            TargetError: see `check_goal`.
+        """
+        for goal in self.goals:
+            check_goal(goal, arm)
+
     def shown_goals(self, arm: ArmSpec) -> Iterable[Goal]:
-        """The goals as an arm gets them, with those ahead if it knows them."""
+        """The goals as an arm gets them, with those ahead if it knows them.
+
+        Raises:
+            TargetError: see `check`.
+        """
+        self.check(arm)
         turn = preview_stride(arm.control_period) * np.deg2rad(arm.step_limit_deg)
         shown = previewed(self.goals, arm.control_period, turn * arm.length)
         return shown if self.foreseen else self.goals
 
     def desired_positions(self) -> Float[np.ndarray, "steps modules 3"]:
         """Desired module ends [m], base frame; NaN without a target."""
-        return Goal.stacked(self.goals).desired_positions()
+        return np.stack([goal.desired_positions() for goal in self.goals])
 
     def desired_axes(self) -> Float[np.ndarray, "steps modules 3"]:
         """Desired end axes, base frame; NaN without a target."""

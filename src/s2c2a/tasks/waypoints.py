@@ -21,7 +21,8 @@ from s2c2a.errors import MAX_NAME_LENGTH, TargetError
 from s2c2a.files.tables import METERS, SECONDS, parse_number, parse_rows, read_any_text
 from s2c2a.files.text import LARGEST, MAX_BYTES, MAX_COUNT
 from s2c2a.planning import SIGNIFICANT, Goal, reach_gaps
-from s2c2a.tasks.task import MAX_DISTANCE, Score, Task
+from s2c2a.runtime.border import check_meters
+from s2c2a.tasks.task import Score, Task
 
 REQUIRED = ("time", "x", "y", "z")
 AXIS = ("axis_x", "axis_y", "axis_z")
@@ -97,7 +98,8 @@ def waypoints_task(name: str, tracks: Sequence[Waypoints], arm: ArmSpec) -> Task
             cannot be in meters.
     """
     _check_modules(name, tracks, arm)
-    _check_units(name, tracks, arm)
+    for track in tracks:
+        check_meters(track.positions, arm, f"a waypoint of '{name}'")
     rate = arm.control_rate
     last = float(max((track.times[-1] for track in tracks), default=0.0))
     steps = last * rate + 1e-6
@@ -283,19 +285,6 @@ def _check_modules(name: str, tracks: Sequence[Waypoints], arm: ArmSpec) -> None
             f"the waypoints of '{name}' name a module of '{arm.name}' twice, by "
             f"{[track.module for track in tracks]}; -1 and {count - 1} are both its tip"
         )
-
-
-def _check_units(name: str, tracks: Sequence[Waypoints], arm: ArmSpec) -> None:
-    for track in tracks:
-        # the largest coordinate, since squares of absurd numbers overflow
-        largest = np.abs(track.positions).max(axis=-1)
-        farthest = int(largest.argmax())
-        if largest[farthest] > MAX_DISTANCE * arm.length:
-            raise TargetError(
-                f"the waypoints of '{name}' have coordinates of up to "
-                f"{largest[farthest]:.3g} m (at {track.times[farthest]:g} s), and "
-                f"'{arm.name}' is {arm.length:.3g} m long; write positions in meters: 0.1, not 100"
-            )
 
 
 def interpolated(times: np.ndarray, knots: np.ndarray, values: np.ndarray):

@@ -101,7 +101,9 @@ def simplified(equation: JaxprEqn, operands: Sequence[Any]) -> Any:
     if name not in NEUTRAL:
         return None
     left, right = operands
-    pairs = [(left, right), (right, left)] if name in COMMUTING else [(left, right)]
+    pairs = [(left, right)]
+    if name in COMMUTING:
+        pairs.append((right, left))
     for operand, other in pairs:
         if not isinstance(other, np.ndarray) or (other != NEUTRAL[name]).any():
             continue

@@ -30,7 +30,9 @@ class Pulley:
 
     def length(self, turns: float) -> float:
         """Return the length [m] wound on by turns from home."""
-        return 2 * math.pi * (self.radius * turns + self.growth * turns**2 / 2)
+        even = self.radius * turns
+        growing = self.growth * turns**2 / 2
+        return 2 * math.pi * (even + growing)
 
     def turns(self, length: float) -> float:
         """Return the turns from home that wind on a length [m]."""

@@ -9,7 +9,7 @@ import tyro
 from s2c2a.arm import load_arm
 from s2c2a.cli.execution import require
 from s2c2a.episodes.file import ENDING
-from s2c2a.errors import S2C2AError
+from s2c2a.errors import ArmError, S2C2AError
 from s2c2a.live.cli.live import Port, wait_for_interrupt
 
 if TYPE_CHECKING:
@@ -86,7 +86,13 @@ def open_window(what: tuple[str, ...], port: int) -> "Window":
         raise S2C2AError(
             f"{len(what)} names, and not all are runs; give runs, or a single name"
         )
-    return viewing.view_arm(load_arm(what[0]), port)
+    try:
+        return viewing.view_arm(load_arm(what[0]), port)
+    except ArmError as error:
+        raise S2C2AError(
+            f"'{what[0]}' is no arm that can be shown ({error}); give a preset, an arm "
+            f"file, a run directory, a recording ({ENDING}) or a strategy ({WEIGHTS})"
+        ) from error
 
 
 def _episode_files(what: tuple[str, ...]) -> list[Path]:
