@@ -7,6 +7,7 @@ the classes that they need.
 """
 
 import os
+import warnings
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import replace
@@ -21,6 +22,7 @@ from s2c2a.runtime import Driver
 from s2c2a.strategies import Recipe, RunOptions
 from s2c2a.strategies.checkpoint import SHIPPED
 from s2c2a.tasks import Task, load_task
+from s2c2a.tasks.remarks import remarks
 
 
 def collect(
@@ -118,7 +120,7 @@ def train(
     chosen = strategies.recipe_from(recipe)
     networks = strategies.train_networks(recording, chosen, strategy, seed, progress)
     strategies.save_networks(networks, out)
-    return strategies.strategy_of(networks)
+    return _strategy(networks)
 
 
 def load_strategy(
@@ -138,7 +140,18 @@ def load_strategy(
         StrategyError: no such file, damaged, trained for another arm, or it does not
             support an option.
     """
-    return strategies.strategy_of(strategies.networks_from(file, arm), options)
+    return _strategy(strategies.networks_from(file, arm), options)
+
+
+def _strategy(
+    networks: strategies.TrainedNetworks,
+    options: RunOptions = RunOptions(),  # noqa: B008  # frozen
+) -> Driver:
+    """Build a strategy, and warn of a controller that errs much, as commands do."""
+    for line in evaluation.describe_held_out_errors(networks):
+        if line.startswith("warning: "):
+            warnings.warn(line.removeprefix("warning: "), stacklevel=3)
+    return strategies.strategy_of(networks, options)
 
 
 def run(
@@ -164,4 +177,6 @@ def run(
             rest; or robot, strategy, or goals failed.
     """
     goals = task if isinstance(task, Task) else load_task(task, robot.arm)
+    for text in remarks(goals, robot.arm):
+        warnings.warn(text, stacklevel=2)
     return evaluation.rollout(robot, strategy, goals, progress)

@@ -1,10 +1,15 @@
 """`s2c2a reach`: what it says about targets and paths, its figure and its errors."""
 
+import warnings
 from pathlib import Path
 
 import pytest
 
+from s2c2a.arm import randomized_arm
 from s2c2a.cli.main import main
+from s2c2a.cli.reach import arm_of
+from s2c2a.robots.simulation import SimulatedRobot
+from s2c2a.strategies.files import stated_errors
 
 FIXTURES = Path(__file__).parents[1] / "fixtures"
 PATH = """time,x,y,z
@@ -89,6 +94,11 @@ def test_a_map_is_drawn(what, path, tmp_path, capsys):
         ("--target 0 0 0.5 --csv path.csv", "both were given"),
         ("--csv missing.csv", "no waypoints at missing.csv"),
         ("--target 200 100 500", "write positions in meters"),
+        (
+            "--target 0.1 0.05",
+            "--target takes the numbers X Y Z, and '0.1 0.05'",
+        ),
+        ("--target 0 0 0.5 --obstacle 0 -1 2", "takes the numbers X Y Z R, and"),
         ("--target nan 0 0.5", "three finite numbers"),
         ("--target 0 0 0.5 --axis 0 0 0", "the target axis is zero"),
         ("--target 0 0 0.5 --module 4", "'twin_arm' has 3, from 1"),
@@ -104,6 +114,24 @@ def test_bad_input_is_refused_before_the_search(
 ):
     monkeypatch.chdir(path.parent)
     assert message in refusal("reach", *line.split())
+
+
+@pytest.mark.parametrize("seed", [1, 6])
+def test_a_payload_in_grams_is_warned_of(seed, twin):
+    arm = randomized_arm(twin, seed, 1.0)
+    for payload in (0.5 * arm.mass, 20.0):
+        with warnings.catch_warnings(record=True) as said:
+            SimulatedRobot(arm, payload=payload)
+        assert len(said) == (payload == 20.0)
+    assert "--known-payload are in kg, --payload-g is in g" in str(said[0].message)
+
+
+def test_the_arm_is_that_of_the_weights_unless_another_is_given():
+    weights = FIXTURES / "paper.safetensors"
+    (stated, _) = stated_errors(weights)
+    assert arm_of(None, weights) == stated
+    assert arm_of("spiral_arm", weights).name == "spiral_arm"
+    assert {arm_of(None, each).name for each in (None, Path("shipped"))} == {"twin_arm"}
 
 
 def test_a_model_without_payloads_is_named(refusal):

@@ -1,19 +1,24 @@
 """What `run` says about waypoints before the arm moves."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import jax.numpy as jnp
 import pytest
 
-from s2c2a.arm import load_arm
-from s2c2a.cli.run import _describe_reach, _reach_model, _report_waypoints
+import s2c2a
+from s2c2a.arm import load_arm, randomized_arm
+from s2c2a.cli.run import _describe_reach, _reach_model
 from s2c2a.models.forward_model import ForwardModel, PCCForwardModel
 from s2c2a.planning.reach import Reachability
 from s2c2a.strategies import TrainedNetworks, recipe_named, save_networks
 from s2c2a.strategies.pcc import GAINS, FittedGains
-from s2c2a.tasks import load_task, paced_task
+from s2c2a.tasks import load_task, paced_task, to_point
 from s2c2a.tasks.projection import projected
+from s2c2a.tasks.remarks import remarks
+from s2c2a.tasks.scenes import Box, HalfSpace, Scene, Sphere
 from s2c2a.training import Trained
 
 TWIN = load_arm("twin_arm")
@@ -27,45 +32,71 @@ def written(tmp_path, *rows):
     return str(path)
 
 
-def reported(capsys, task, model=None):
-    _report_waypoints(task, TWIN, model)
-    return capsys.readouterr().out
+def remarked(task, arm=TWIN, by_arcs=True):
+    return "\n".join(remarks(load_task(task, arm), arm, by_arcs))
 
 
-def test_waypoints_behind_the_base_are_explained(tmp_path, capsys):
+def test_waypoints_behind_the_base_are_explained(tmp_path):
     path = written(tmp_path, "0,0,0,-0.6", "4,0.1,0,-0.5")
-    printed = reported(capsys, path)
-    assert "out of reach by up to " in printed
-    assert "of the tip" in printed
-    assert "(2 of 2)" in printed
-    assert "z grows from the base toward the tip" in printed
-    printed = reported(capsys, path, ARCS)
-    assert "out of reach" not in printed  # the model says it for targets
-    assert "z grows from the base toward the tip" in printed
+    said = remarked(path)
+    assert "out of reach by up to " in said
+    assert "of the tip in 40 of 40 steps, at 0.1 to 4 s" in said
+    assert "z grows from the base toward the tip" in said
+    said = remarked(path, by_arcs=False)
+    assert "out of reach" not in said  # the model says it for targets
+    assert "z grows from the base toward the tip" in said
 
 
-def test_reachable_waypoints_are_silent(tmp_path, capsys):
-    path = written(tmp_path, "0,0,0,0.6", "4,0.1,0,0.58")
-    assert reported(capsys, path) == ""
+def test_reachable_waypoints_are_silent(tmp_path):
+    assert remarked(written(tmp_path, "0,0,0,0.6", "4,0.1,0,0.58")) == ""
 
 
-def test_a_pace_in_the_name_reports_the_same(tmp_path, capsys):
+def test_a_pace_in_the_name_reports_the_same_at_other_times(tmp_path):
     path = written(tmp_path, "0,0,0,-0.6", "4,0.9,0,0.5")
-    without = reported(capsys, path)
-    assert without
-    assert reported(capsys, f"{path}@0.5") == without
+    one, slower = (remarked(name) for name in (path, f"{path}@0.5"))
+    assert "in 40 of 40 steps, at 0.1 to 4 s" in one
+    assert "in 80 of 80 steps, at 0.1 to 8 s" in slower
 
 
-@pytest.mark.slow
-def test_many_waypoints_out_of_reach_take_one_line(tmp_path, capsys):
-    far = {3, 4, 5, 8, 11, 12}
-    rows = [f"{time},{0.9 if time in far else 0},0,0.6" for time in range(14)]
-    printed = reported(capsys, written(tmp_path, *rows))
-    assert printed.count("\n") == 1
-    assert "out of reach by up to " in printed
-    assert "of the tip" in printed
-    assert "(6 of 14)" in printed
-    assert "3 to 5, 8, 11 to 12 s" in printed
+def test_many_targets_out_of_reach_take_one_line(tmp_path):
+    rows = [f"{x / 10},{0.9 if x in (3, 4, 5, 8) else 0},0,0.6" for x in range(1, 10)]
+    said = remarked(written(tmp_path, *rows))
+    assert said.count("\n") == 0
+    assert said.endswith("of the tip in 4 of 9 steps, at 0.3 to 0.5, 0.8 s")
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_times_in_milliseconds_are_remarkable(tmp_path, seed):
+    slow = TWIN.model_copy(update={"control_rate": 0.1})
+    arm = randomized_arm(slow, seed, 1.0)
+    path = written(tmp_path, "1000,0,0,0.6", "20000,0,0,0.59")
+    assert "takes 5.6 hours; columns of times are in seconds" in remarked(path, arm)
+
+
+@pytest.mark.parametrize(
+    ("solid", "words"),
+    [
+        (Sphere(center=(0, 0, -0.3), radius=0.05), "obstacle 0 .* beyond the arm"),
+        (Sphere(center=(2, 0, 0.3), radius=0.05), "obstacle 0 .* beyond the arm"),
+        (Sphere(center=(0, 0, 0.6), radius=0.05), "obstacle 0 .* tip is at rest"),
+        (HalfSpace(point=(0, 0, 0.5), normal=(0, 0, -1)), "tip is at rest"),
+        (Sphere(center=(2, 0, 0.3), radius=0.05, velocity=(-0.3, 0, 0)), None),
+        (Sphere(center=(0, 0, 0.6), radius=0.05, appears=3.0), None),
+        (HalfSpace(point=(0, 0, -0.05), normal=(0, 0, 1)), None),
+        (Box(center=(0, 0, -0.02), size=(1, 1, 0.04)), None),
+    ],
+)
+def test_an_obstacle_at_the_arm_or_far_from_all_shapes_is_remarkable(solid, words):
+    for arm in (TWIN, randomized_arm(TWIN, 4, 1.0)):
+        task = Scene(obstacles=(solid,)).around(to_point(arm, (0.2, 0, 0.5)), arm)
+        said = "; ".join(remarks(task, arm, by_arcs=False))
+        assert re.search(words, said) if words else not said
+
+
+def test_a_run_of_a_program_warns_of_a_target_out_of_reach(twin, monkeypatch):
+    monkeypatch.setattr("s2c2a.evaluation.rollout", lambda *_: None)
+    with pytest.warns(UserWarning, match="out of reach by up to 24.14 cm"):
+        s2c2a.run(SimpleNamespace(arm=twin), None, to_point(twin, (0.7, 0, 0.2)))
 
 
 def test_targets_that_a_model_does_not_reach_are_said_with_their_times(tmp_path):

@@ -15,7 +15,7 @@ def make_episode(**columns):
         "bend_biases": bend_biases,
         "external_force": np.array([0.0, 0.1, 0.3, 0.2]),
     }
-    return made_up(4, **estimates, **columns)
+    return made_up(4, **(estimates | columns))
 
 
 @pytest.mark.parametrize(
@@ -28,6 +28,12 @@ def test_a_run_is_described_by_payload_largest_bend_bias_force_and_rejected_sens
     rejected = {"rejected.imu": np.array(imu, float), "rejected.flex": np.zeros(4)}
     text = "payload 52 g, largest bend bias 1.5 deg (external force 0.3 N)"
     assert describe_estimates(make_episode(**rejected)) == text + ending
+
+
+def test_a_payload_at_the_bound_of_the_filter_is_no_measurement():
+    bound = np.full(4, np.float32(3.0 * make_episode().arm.mass))
+    episode = make_episode(**{"rejected.imu": np.zeros(4), "payload": bound})
+    assert describe_estimates(episode).startswith("payload at least ")
 
 
 def test_a_run_without_an_estimator_has_no_description():

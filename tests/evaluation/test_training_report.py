@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import s2c2a
 from s2c2a.arm import load_arm
 from s2c2a.cli.run import _given_networks
 from s2c2a.estimation import MODAL_MODEL
@@ -53,6 +54,8 @@ def test_a_controller_that_errs_is_warned_of_before_it_drives(
     save_networks(replace(tiny_networks, trained=trained), weights)
     _given_networks(weights, tiny_networks.arm, None, "")
     assert capsys.readouterr().out.startswith("warning: C2A errs by more than")
+    with pytest.warns(UserWarning, match=r"^C2A errs by more than"):
+        s2c2a.load_strategy(weights)
     print_remarks([SHIPPED, str(weights)])
     assert capsys.readouterr().out.startswith(f"{weights}: warning: C2A errs")
 

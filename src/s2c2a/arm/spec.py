@@ -1,6 +1,7 @@
 """Description of an arm: frozen values, validated when built."""
 
 import math
+import warnings
 from operator import attrgetter
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -33,6 +34,8 @@ from s2c2a.errors import counted
 
 MAX_MODULES = 20  # as many as the benchmarks cover
 MAX_PAYLOAD = 50.0  # kg; most payloads that were given in grams exceed it
+HEAVIEST = 3.0
+"""Payload in parts of the arm's mass; no more is estimated, and soft arms carry less."""
 GRAVITY = 9.81  # m/s2, at sea level in middle latitudes
 MAX_GAP_DEG = 179.0
 """Between cables that pull every way; at 180 one direction has no pull at all."""
@@ -538,3 +541,13 @@ class ArmSpec(Frozen):
     def control_period(self) -> float:
         """Duration of one control step [s]."""
         return 1.0 / self.control_rate
+
+
+def warn_of_payload(payload: float, arm: ArmSpec) -> None:
+    """Warn of a payload [kg] that is far heavier than the arm."""
+    if payload > HEAVIEST * arm.mass:
+        warnings.warn(
+            f"a payload of {payload:g} kg hangs at '{arm.name}' of {arm.mass:.3g} kg; "
+            "--payload and --known-payload are in kg, --payload-g is in g",
+            stacklevel=2,
+        )

@@ -6,7 +6,14 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 import tyro
 
-from s2c2a.cli.console import Arm, Count, OptionalPath, SceneFile, Vector, print_table
+from s2c2a.cli.console import (
+    Count,
+    OptionalArm,
+    OptionalPath,
+    SceneFile,
+    Vector,
+    print_table,
+)
 from s2c2a.cli.dependent_options import beside
 from s2c2a.errors import S2C2AError
 
@@ -30,7 +37,7 @@ MOMENTS = 1000  # of a path at most: some seconds with trained networks, on two 
 @beside("target", "axis", "module")
 @beside("weights", "payload_g")
 def reach(
-    arm: Arm = "twin_arm",
+    arm: OptionalArm = None,
     weights: OptionalPath = None,
     target: Vector = None,
     axis: Vector = None,
@@ -44,6 +51,7 @@ def reach(
     """Find how closely an arm at rest reaches a target, and with which shape.
 
     Args:
+        arm: a preset or an arm file; by default that of the weights, or twin_arm.
         weights: a file of `s2c2a train`, with the session beside it, or "shipped" for
             the networks of the package; without it, modules bend as arcs of a circle.
         target: desired position [m], base frame.
@@ -59,12 +67,11 @@ def reach(
             .svg).
     """
     from s2c2a import strategies
-    from s2c2a.arm import load_arm
     from s2c2a.goals import Goal
     from s2c2a.planning.reach import Reachability
     from s2c2a.tasks.scenes import goal_beside
 
-    spec = load_arm(arm)
+    spec = arm_of(arm, weights)
     path = _path(csv, spec) if csv else None
     if (target is None) == (csv is None):
         given = "none was given" if target is None else "both were given"
@@ -156,6 +163,23 @@ def _obstacle_rows(spheres: Obstacles, scene: Path | None) -> np.ndarray:
     if scene is None:
         return rows
     return np.concatenate([rows, load_scene(scene).rows_at(np.zeros(1))[0]])
+
+
+def arm_of(arm: str | None, weights: Path | None) -> "ArmSpec":
+    """The arm of an option; by default that of a weight file, or `twin_arm`."""
+    from s2c2a.arm import load_arm
+    from s2c2a.strategies.files import stated_errors
+
+    if arm is None and weights is not None and has_own_networks(weights):
+        return stated_errors(weights)[0]
+    return load_arm(arm or "twin_arm")
+
+
+def has_own_networks(weights: Path | None) -> bool:
+    """Whether the weights are a file, beside which a session may be."""
+    from s2c2a.strategies.checkpoint import SHIPPED
+
+    return weights is not None and str(weights) != SHIPPED
 
 
 def trained_model(

@@ -2,7 +2,6 @@
 
 from dataclasses import asdict, replace
 from datetime import UTC, datetime
-from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,10 +9,10 @@ import numpy as np
 import tyro
 
 from s2c2a.cli.console import (
-    Arm,
     Events,
     FidelityName,
     GuardName,
+    OptionalArm,
     OptionalFile,
     OptionalNumber,
     OptionalPath,
@@ -38,6 +37,7 @@ from s2c2a.cli.execution import (
     stream_to,
     uses_recipe,
 )
+from s2c2a.cli.reach import arm_of, forward_model_of, has_own_networks, trained_model
 from s2c2a.errors import S2C2AError
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ if TYPE_CHECKING:
 @effective(
     "session",
     where="with --weights FILE of `s2c2a train`",
-    holds=lambda given: _has_own_networks(given["weights"]),
+    holds=lambda given: has_own_networks(given["weights"]),
 )
 @effective(
     "recipe",
@@ -62,7 +62,7 @@ if TYPE_CHECKING:
 )
 def run(
     task: OptionalFile = None,
-    arm: Arm = "twin_arm",
+    arm: OptionalArm = None,
     target: Vector = None,
     axis: Vector = None,
     scene: SceneFile = None,
@@ -97,6 +97,7 @@ def run(
             file ending in .csv of waypoints (columns time, x, y, z; optional axis_x,
             axis_y, axis_z, module) or of a curve for the whole arm (x, y, z alone), or
             your own file.py:function, called with the arm.
+        arm: a preset or an arm file; by default that of the weights, or twin_arm.
         target: a point to go to in place of a task [m], base frame.
         axis: end axis there, base frame, of any length.
         scene: a file of obstacles beside which the task runs (docs/guides/obstacles.md).
@@ -131,12 +132,12 @@ def run(
         work: run directory and parallel execution.
     """
     from s2c2a import jobs, strategies
-    from s2c2a.arm import load_arm
     from s2c2a.estimation import EstimationSettings
     from s2c2a.planning.reach import Reachability
     from s2c2a.tasks.projection import projected
+    from s2c2a.tasks.remarks import remarks
 
-    spec = load_arm(arm)
+    spec = arm_of(arm, weights)
     factory = robot_factory_for(robot, robot_option, fidelity, payload, event, tracking)
     settings = EstimationSettings(
         known_payload, disturbance_estimation, max_compensated_force
@@ -148,8 +149,8 @@ def run(
     used_recipe = given.recipe if given else chosen or strategies.recipe_named("best")
     paced = _task(task, target, axis, spec, pace, scene)
     model = _reach_model(task, spec, weights, session, project, known_payload)
-    if task is not None:
-        _report_waypoints(task, spec, model)
+    for text in remarks(paced, spec, by_arcs=model is None):
+        print(text)
     if model is not None:
         reachability = Reachability(spec, model, known_payload, guard)
         found = projected(paced, spec.length, reachability)
@@ -202,13 +203,6 @@ def run(
     _report(runs, directory, f"{paced.name} with {spec.name}")
 
 
-def _has_own_networks(weights: Path | None) -> bool:
-    """Whether the weights are a file, beside which a session may be."""
-    from s2c2a.strategies.checkpoint import SHIPPED
-
-    return weights is not None and str(weights) != SHIPPED
-
-
 def _given_networks(
     weights: Path, spec: "arm.ArmSpec", recipe: "strategies.Recipe | None", session: str
 ) -> "jobs.GivenNetworks":
@@ -217,7 +211,7 @@ def _given_networks(
     from s2c2a.strategies.files import stated_errors
     from s2c2a.strategies.shipped import shipped_file
 
-    if not _has_own_networks(weights):
+    if not has_own_networks(weights):
         with shipped_file(spec) as path:
             return jobs.GivenNetworks.read(path, spec, recipe)
     found = strategies.session_of(weights, session)
@@ -337,7 +331,6 @@ def _reach_model(
         S2C2AError: as `forward_model_of`, for a projection.
     """
     from s2c2a.arm import ArmGeometry
-    from s2c2a.cli.reach import forward_model_of, trained_model
     from s2c2a.tasks import TASKS, split_pace
 
     is_named = task is not None and split_pace(task)[0] in TASKS
@@ -349,35 +342,6 @@ def _reach_model(
     return trained_model(weights, spec, session)
 
 
-def _report_waypoints(
-    task: str, spec: "arm.ArmSpec", model: "ForwardModel | None"
-) -> None:
-    """Report waypoints of a file behind the base and, without a model, far from arcs."""
-    from s2c2a.tasks import split_pace, table_tracks, unreachable_waypoints
-
-    file, _ = split_pace(task)
-    if not file.endswith(".csv"):
-        return
-    tracks = table_tracks(file, spec)
-    unreachable = unreachable_waypoints(tracks, spec) if model is None else []
-    for track in tracks:
-        far = [point for point in unreachable if point.module == track.module]
-        if far:
-            is_tip = track.module in (-1, spec.module_count - 1)
-            end = "the tip" if is_tip else f"the end of module {track.module + 1}"
-            gap = 100 * max(point.gap for point in far)
-            times = _time_spans([point.time for point in far], track.times.tolist())
-            print(
-                f"out of reach by up to {gap:.1f} cm: waypoints of {end} at "
-                f"{', '.join(times)} s ({len(far)} of {len(track.times)})"
-            )
-    if all((track.positions[:, 2] < 0).all() for track in tracks):
-        print(
-            "all waypoints have z < 0, behind the base: z grows from the base toward "
-            "the tip at rest, also on a hanging arm"
-        )
-
-
 def _describe_reach(found: "Projection", spec: "arm.ArmSpec", moves: bool) -> str:
     """Sentences on the targets that are out of reach.
 
@@ -386,35 +350,25 @@ def _describe_reach(found: "Projection", spec: "arm.ArmSpec", moves: bool) -> st
         spec: the arm.
         moves: whether they move there.
     """
+    from s2c2a.tasks.remarks import time_spans
+
     steps, reached = found.is_moved, found.reached
     if reached is None or not steps.any():
         return "all targets are within reach"
     missed = ~reached.within(spec.length)
     times = (np.arange(len(steps)) + 1) / spec.control_rate
-    spans = ", ".join(_time_spans(times[steps].tolist(), times.tolist()))
-    by = f"{100 * reached.position_errors[missed].max():.1f} cm"
+    by = f"{100 * reached.position_errors[missed].max():.2f} cm"
     if turn := np.rad2deg(reached.axis_errors[missed].max()):
         by += f" or {turn:.1f} deg"
     text = f"targets of {steps.sum()} of {len(steps)} steps are out of reach, by up to {by}"
     text += ", and moved to the nearest shapes" if moves else ""
-    text += f": {spans} s"
+    text += f": {time_spans(steps, times.tolist())}"
     depth = -100 * reached.clearances[missed].min()
     if round(depth, 1) > 0.0:
         text += (
             f"\nthese shapes are up to {depth:.1f} cm within obstacles: none is clear"
         )
     return text
-
-
-def _time_spans(times: "Sequence[float]", all_times: "Sequence[float]") -> list[str]:
-    """Times as text, successive waypoints together, such as "3 to 12"."""
-    wanted = set(times)
-    spans: list[str] = []
-    for is_wanted, group in groupby(all_times, wanted.__contains__):
-        first, *rest = group
-        if is_wanted:
-            spans.append(f"{first:g} to {rest[-1]:g}" if rest else f"{first:g}")
-    return spans
 
 
 def _report(runs: "Sequence[jobs.Run]", directory: Path, title: str) -> None:

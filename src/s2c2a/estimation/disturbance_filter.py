@@ -16,6 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from s2c2a.arm.spec import HEAVIEST
 from s2c2a.estimation import kalman
 from s2c2a.estimation.bias_field import INTERVAL, STD, BiasField, PayloadPrior
 from s2c2a.estimation.filter_state import ArmState, FilterState, StateOrder
@@ -75,7 +76,7 @@ class FilterOptions:
     bias_memory: float = 5.0
     bend_noise: float = 0.04
     rate_noise: float = 1.0
-    max_payload: float = 3.0
+    max_payload: float = HEAVIEST
     max_bend_bias: float = 0.4
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
+from s2c2a.arm.spec import warn_of_payload
 from s2c2a.data import Recording
 from s2c2a.estimation.configuration_maps import ConfigurationMap, Measured
 from s2c2a.estimation.disturbance_filter import DisturbanceFilter, FilterOptions
@@ -165,6 +166,7 @@ class KalmanFilter(FilterOptions, EstimatorOptions):
         settings: EstimationSettings,
     ) -> StateEstimator:
         """See `EstimatorOptions`: without other sensors, the encoders alone."""
+        warn_of_payload(settings.known_payload, arm)
         sensors = sensor_models_of(arm, model, networks)
         if not sensors:
             return EncoderEstimator(configuration_map, model, settings.known_payload)

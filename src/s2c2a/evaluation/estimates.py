@@ -8,6 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Float
 
+from s2c2a.arm.spec import HEAVIEST
 from s2c2a.episodes import Episode
 
 REJECTED = "rejected."
@@ -49,6 +50,9 @@ def describe_estimates(episode: Episode) -> str:
         episode.ran("bend_biases"),
         np.nanmax(episode.ran("external_force")),
     )
+    # the filter has single precision
+    if episode.ran("payload")[-1] >= np.float32(HEAVIEST * episode.arm.mass):
+        text = text.replace("payload", "payload at least", 1)
     rejected = []
     for name in sensors:
         share = np.mean(episode.ran(REJECTED + name) > 0)

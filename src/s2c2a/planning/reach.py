@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.arm.spec import warn_of_payload
 from s2c2a.errors import TargetError
 from s2c2a.execution.compilation import compiled
 from s2c2a.goals import MAX_OBSTACLES, Goal
@@ -196,6 +197,7 @@ class Reachability:
             guard: the points that keep clear of obstacles.
         """
         points_of = GuardedPoints.of(arm, guard)
+        warn_of_payload(payload, arm)
         resting = RestingArm.of(arm, model, payload)
         spread = spread_bends(resting.limits, SHAPES)
         bends = np.asarray(commanded_part(spread, resting.steerable))

@@ -17,7 +17,7 @@ from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.errors import TargetError
-from s2c2a.execution.compilation import select
+from s2c2a.execution.compilation import compiled, select
 from s2c2a.goals import Goal
 from s2c2a.kinematics import (
     bends_from_configurations,
@@ -349,11 +349,12 @@ def reach_gaps(
     lengths = jnp.asarray(geometry.lengths[:used], dtype=jnp.float32)
     limits = jnp.asarray(geometry.bend_limits[:used], dtype=jnp.float32)
     projectors = None if geometry.steerable is None else geometry.steerable[:used]
-    targets = jnp.asarray(positions, dtype=jnp.float32)
-    return np.asarray(_gaps(targets, lengths, limits, projectors))
+    # few programs serve all numbers of positions
+    padded = np.resize(positions, (1 << len(positions).bit_length(), 3))
+    inputs = np.asarray(padded, np.float32), lengths, limits, projectors
+    return np.asarray(compiled(_gaps)(*inputs))[: len(positions)]
 
 
-@jax.jit
 def _gaps(positions, lengths, limits, projectors):
     size = jnp.sum(lengths)
 

@@ -9,7 +9,7 @@ from mujoco.rollout import Rollout
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.arm.geometry import cables_present, directions_at, per_cable, per_module
-from s2c2a.arm.spec import MAX_PAYLOAD
+from s2c2a.arm.spec import MAX_PAYLOAD, warn_of_payload
 from s2c2a.errors import S2C2AError, SimulationError
 from s2c2a.robots.robot import SETTLING_TIME, Robot, checked_action
 from s2c2a.robots.simulation.chain import build_model, get_fidelity
@@ -344,6 +344,7 @@ class SimulatedRobot(Robot):
             raise S2C2AError(
                 f"payload {payload} kg is not between 0 and {MAX_PAYLOAD:g} kg"
             )
+        warn_of_payload(payload, self.arm)
         model = build_model(
             self._true_arm, self._fidelity, payload, self._has_center_line
         )
