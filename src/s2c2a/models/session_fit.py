@@ -1,12 +1,15 @@
 """The change of an arm since its training, from a short motion with the tip seen.
 
-Maximum a posteriori estimate through the differentiable model, by Gauss-Newton. Priors
-are normal, with the scales on which arms change between days. Most of the noise is errors
+Maximum a posteriori estimate through the differentiable model, by Gauss-Newton, from the
+likelier of a frame and a homing that changed alone. Priors are normal, with the scales on
+which arms change between days, or that of the change where it is larger: cables may be
+homed, or a tracking put up, anywhere. Most of the noise is errors
 of the model itself. They are common to all ends, and last: so many samples count as one
 as their correlation lasts, and all ends together count as one. Their variance is that on
 stretches that were not fitted, since a change can imitate a part of them.
 """
 
+from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -173,6 +176,22 @@ def _judged(
     )
 
 
+class _Optimum(NamedTuple):
+    """Where Gauss-Newton ends.
+
+    Attributes:
+        numbers: of the change.
+        scales: of their prior.
+        precision: of numbers in these scales.
+        loss: negative logarithm of their probability, without constants.
+    """
+
+    numbers: Float[np.ndarray, " numbers"]
+    scales: Float[np.ndarray, " numbers"]
+    precision: Float[np.ndarray, "numbers numbers"]
+    loss: float
+
+
 class _Residuals:
     """Residuals of a model on a recording, and their derivatives by the change.
 
@@ -197,6 +216,7 @@ class _Residuals:
         self._scales = np.asarray(flat)
         self._predict = partial(_predict, model=model, sensed=self._sensed)
         self._slopes = partial(_slopes, model=model, sensed=self._sensed)
+        self._start = self._likeliest()
 
     def posterior(
         self,
@@ -211,33 +231,7 @@ class _Residuals:
             inflation: variance of the noise over that of the residuals.
             duration: of errors over that of the residuals; the covariance counts it.
         """
-        is_seen = self._known[0] & fitted[..., None]
-        expected = np.asarray(self._predict(jnp.zeros(len(self._scales))), float)
-        moved = register(expected[is_seen, POSITION], self._states[is_seen, POSITION])
-        numbers = np.concatenate([*moved, np.zeros(len(self._scales) - 6)])
-        measured = [
-            (module, part, seen)
-            for part, known in zip((POSITION, AXIS), self._known, strict=True)
-            for module, seen in enumerate(np.moveaxis(known & fitted[..., None], -1, 0))
-            if seen.any()
-        ]
-        for _ in range(ITERATIONS):
-            # a tracking that was put up anew is anywhere: its prior grows with the move
-            sizes = np.sqrt(np.mean(numbers[:6].reshape(2, 3) ** 2, axis=1))
-            scales = self._scales.copy()
-            scales[:6] = np.maximum(scales[:6], np.repeat(sizes, 3))
-            at = jnp.asarray(numbers, jnp.float32)
-            errors = self._states - np.asarray(self._predict(at))
-            slopes = np.asarray(self._slopes(at)) * scales
-            precision = np.eye(len(numbers))
-            gradient = -numbers / scales
-            for module, part, seen in measured:
-                error = errors[..., module, part][seen].astype(float)
-                slope = slopes[..., module, part, :][seen].astype(float)
-                weight = _weight(error) / (inflation * len(measured))
-                precision += weight * np.einsum("tki,tkj->ij", slope, slope)
-                gradient += weight * np.einsum("tki,tk->i", slope, error)
-            numbers += scales * np.linalg.solve(precision, gradient)
+        numbers, scales, precision, _ = self._nearest(self._start, fitted, inflation)
         # of an estimate whose samples tell less than it takes them for
         prior = np.eye(len(numbers))
         noise = prior + duration * (precision - prior)
@@ -245,6 +239,70 @@ class _Residuals:
         covariance *= np.outer(scales, scales)
         change = self._as_change(jnp.asarray(numbers, jnp.float32))
         return DayPosterior(change, covariance)
+
+    def _likeliest(self) -> Float[np.ndarray, " numbers"]:
+        """Numbers to start from: of a frame or a homing that first changes alone."""
+        seen = self._known[0]
+        nothing = np.zeros_like(self._scales)
+        expected = np.asarray(self._predict(nothing), float)
+        moved = register(expected[seen, POSITION], self._states[seen, POSITION])
+        modules = seen.shape[-1]
+        turned = replace(DayChange.none(modules), offsets=jnp.ones((modules, 2)))
+        # bends by up to 1 rad and nothing else
+        homing = np.maximum(ravel_pytree(turned)[0], np.finfo(float).tiny)
+        everything = np.ones_like(self.seen_tip)
+        homed = self._nearest(nothing, everything, 1.0, homing)
+        starts = np.concatenate([*moved, nothing[6:]]), homed.numbers
+        fits = [self._nearest(start, everything, 1.0) for start in starts]
+        return min(fits, key=lambda fit: fit.loss).numbers
+
+    def _nearest(
+        self,
+        numbers: Float[np.ndarray, " numbers"],
+        fitted: Bool[np.ndarray, "episodes samples"],
+        inflation: float,
+        prior: Float[np.ndarray, " numbers"] | None = None,
+    ) -> _Optimum:
+        """The optimum that is nearest to a start.
+
+        Args:
+            numbers: of the change, to start from.
+            fitted: see `posterior`.
+            inflation: see `posterior`.
+            prior: scales that stay; by default those of days, or the change's own.
+        """
+        measured = [
+            (module, part, seen)
+            for part, known in zip((POSITION, AXIS), self._known, strict=True)
+            for module, seen in enumerate(np.moveaxis(known & fitted[..., None], -1, 0))
+            if seen.any()
+        ]
+        for _ in range(ITERATIONS):
+            scales = self._grown(numbers) if prior is None else prior
+            at = jnp.asarray(numbers, jnp.float32)
+            errors = self._states - np.asarray(self._predict(at))
+            slopes = np.asarray(self._slopes(at)) * scales
+            precision = np.eye(len(numbers))
+            gradient = -numbers / scales
+            loss = np.log(scales).sum() + gradient @ gradient / 2.0
+            for module, part, seen in measured:
+                error = errors[..., module, part][seen].astype(float)
+                slope = slopes[..., module, part, :][seen].astype(float)
+                weight = _weight(error) / (inflation * len(measured))
+                precision += weight * np.einsum("tki,tkj->ij", slope, slope)
+                gradient += weight * np.einsum("tki,tk->i", slope, error)
+                power = (error**2).sum()
+                loss += weight * power * np.log(power / len(error)) / 2.0
+            numbers = numbers + scales * np.linalg.solve(precision, gradient)
+        return _Optimum(numbers, scales, precision, float(loss))
+
+    def _grown(self, numbers: Float[np.ndarray, " numbers"]) -> np.ndarray:
+        """Scales of days, or of the change, whichever are larger, part by part."""
+        parts = self._as_change(numbers / self._scales)
+        sizes = jax.tree.map(
+            lambda part: jnp.full(part.shape, jnp.sqrt(jnp.mean(part**2))), parts
+        )
+        return self._scales * np.maximum(1.0, ravel_pytree(sizes)[0])
 
     def tip_errors(self, change: DayChange) -> Float[np.ndarray, "episodes samples 3"]:
         """Seen position of the tip less the model's after a change [m]; NaN: unseen."""
