@@ -18,6 +18,7 @@ TURN, HALF_EDGES, DISC = slice(0, 4), slice(4, 7), 7
 """Numbers of a core: a unit quaternion (x, y, z, w; zeros: not turned), half the edges of
 the box and the radius of the disc [m]."""
 
+Vectors = Float[Any, "*batch 3"]
 Rows = Float[np.ndarray, "*batch obstacles 12"]
 SKIN = 1e-4  # m; chosen: a threshold of zero is no obstacle, and nobody sees 0.1 mm
 HALF_SPACE = 50.0  # m; half the edge of the cube that stands for one: beyond any arm
@@ -34,8 +35,8 @@ def rows_of(obstacles: Float[np.ndarray, "*batch obstacles columns"]) -> Rows:
 
 
 def distances(
-    points: Float[Any, "*batch 3"],
-    centers: Float[Any, "*batch 3"],
+    points: Vectors,
+    centers: Vectors,
     cores: Float[Any, "*batch 8"],
 ) -> Float[Any, "*batch"]:
     """Signed distances of points from cores [m], negative inside boxes and discs.
@@ -53,10 +54,10 @@ def distances(
 
 
 def turned(
-    vectors: Float[Any, "*batch 3"],
-    axes: Float[Any, "*batch 3"],
+    vectors: Vectors,
+    axes: Vectors,
     last: Float[Any, "*batch 1"],
-) -> Float[Any, "*batch 3"]:
+) -> Vectors:
     """Vectors turned by unit quaternions, given as their first three numbers and their last."""
     xp = vectors.__array_namespace__()
     half = xp.cross(axes, vectors)
@@ -80,7 +81,7 @@ def normal_of(half_space: Float[np.ndarray, "12"]) -> Float[np.ndarray, "3"]:
     return axis if axis @ half_space[CENTER] < 0.0 else -axis
 
 
-def turns_to(directions: Float[Any, "*batch 3"]) -> Float[Any, "*batch 4"]:
+def turns_to(directions: Vectors) -> Float[Any, "*batch 4"]:
     """Unit quaternions that turn the z axis into directions, or opposite to them.
 
     A zero vector is taken as the z axis.
@@ -98,7 +99,7 @@ def turns_to(directions: Float[Any, "*batch 3"]) -> Float[Any, "*batch 4"]:
 def swept(
     thresholds: Float[Any, "*batch"],
     cores: Float[Any, "*batch 8"],
-    ways: Float[Any, "*batch 3"],
+    ways: Vectors,
 ) -> tuple[Float[Any, "*batch"], Float[Any, "*batch 8"]]:
     """Thresholds [m] and cores of obstacles that cover their ways, from the middles of these.
 

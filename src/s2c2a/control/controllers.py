@@ -16,6 +16,7 @@ from s2c2a.kinematics import (
 from s2c2a.models import C2A, History
 from s2c2a.paper import pushed
 
+Configuration = Float[Array, "modules 3"]
 Memory = Any  # a pytree of arrays
 
 
@@ -26,14 +27,14 @@ class Controller(eqx.Module):
     """
 
     @abstractmethod
-    def start(self, sensed: Float[Array, "modules 3"]) -> Memory:
+    def start(self, sensed: Configuration) -> Memory:
         """Memory of an arm at rest."""
 
     @abstractmethod
     def act(
         self,
-        desired: Float[Array, "modules 3"],
-        sensed: Float[Array, "modules 3"],
+        desired: Configuration,
+        sensed: Configuration,
         memory: Memory,
     ):
         """The next action.
@@ -68,14 +69,14 @@ class InversePCC(Controller):
     pcc: PCC
     gains: Float[Array, " modules"]
 
-    def start(self, sensed: Float[Array, "modules 3"]) -> Memory:
+    def start(self, sensed: Configuration) -> Memory:
         """See `Controller`: the memory is empty."""
         return ()
 
     def act(
         self,
-        desired: Float[Array, "modules 3"],
-        sensed: Float[Array, "modules 3"],
+        desired: Configuration,
+        sensed: Configuration,
         memory: Memory,
     ):
         bends = bends_from_configurations(desired) * self.gains[:, None]
@@ -94,15 +95,15 @@ class NetworkController(Controller):
 
     network: C2A
 
-    def start(self, sensed: Float[Array, "modules 3"]) -> History:
+    def start(self, sensed: Configuration) -> History:
         """See `Controller`: the history of an arm at rest."""
         _, cables = self.network.sum_and_range.neutral.shape
         return History.at_rest(sensed, cables)
 
     def act(
         self,
-        desired: Float[Array, "modules 3"],
-        sensed: Float[Array, "modules 3"],
+        desired: Configuration,
+        sensed: Configuration,
         memory: History,
     ):
         history = History(pushed(memory.configurations, sensed), memory.actions)
@@ -143,15 +144,15 @@ class CorrectedController(Controller):
     gain: float
     largest: float = 0.1
 
-    def start(self, sensed: Float[Array, "modules 3"]) -> CorrectedMemory:
+    def start(self, sensed: Configuration) -> CorrectedMemory:
         """See `Controller`: the integral is zero."""
         bends = bends_from_configurations(sensed)
         return CorrectedMemory(self.inner.start(sensed), bends, jnp.zeros_like(bends))
 
     def act(
         self,
-        desired: Float[Array, "modules 3"],
-        sensed: Float[Array, "modules 3"],
+        desired: Configuration,
+        sensed: Configuration,
         memory: CorrectedMemory,
     ):
         error = memory.desired - bends_from_configurations(sensed)

@@ -17,6 +17,8 @@ from s2c2a.arm.tracking import MOUNTING, STRETCH
 from s2c2a.errors import counted
 from s2c2a.measurements.frozen_ends import MIN_ROWS, find_frozen
 
+PoseMask = Bool[np.ndarray, "rows ends"]
+EndVectors = Float[np.ndarray, "rows ends 3"]
 MAX_SHARE = 0.2
 """Share of the poses that may be outliers; with more, the whole recording is wrong."""
 ERROR_RATIO = 8.0
@@ -48,11 +50,11 @@ class MeasuredEnds(NamedTuple):
     """
 
     drives: Float[np.ndarray, "rows drives"]
-    positions: Float[np.ndarray, "rows ends 3"]
-    axes: Float[np.ndarray, "rows ends 3"]
+    positions: EndVectors
+    axes: EndVectors
     stretches: Int[np.ndarray, " rows"]
 
-    def without(self, is_excluded: Bool[np.ndarray, "rows ends"]) -> "MeasuredEnds":
+    def without(self, is_excluded: PoseMask) -> "MeasuredEnds":
         """The same, without some poses."""
         masked = is_excluded[..., None]
         return self._replace(
@@ -74,14 +76,14 @@ class Outliers:
         measured: whether a pose is measured at all, same shape.
     """
 
-    frozen: Bool[np.ndarray, "rows ends"]
-    jumps: Bool[np.ndarray, "rows ends"]
-    swaps: Bool[np.ndarray, "rows ends"]
-    lengths: Bool[np.ndarray, "rows ends"]
-    measured: Bool[np.ndarray, "rows ends"]
+    frozen: PoseMask
+    jumps: PoseMask
+    swaps: PoseMask
+    lengths: PoseMask
+    measured: PoseMask
 
     @property
-    def all(self) -> Bool[np.ndarray, "rows ends"]:
+    def all(self) -> PoseMask:
         """Poses of any kind."""
         return self.frozen | self.jumps | self.swaps | self.lengths
 
@@ -153,11 +155,22 @@ def find_outliers(
     is_turned = _find_jumps(ends.axes, _predict(ends, ends.axes), SPREAD_RATIO)
     is_jump |= is_turned & measured & ~swaps & ~frozen
     rest = np.where(is_jump[..., None], np.nan, rest)
-    lengths = _find_lengths(rest, predicted, reaches or [None] * rest.shape[1])
+    # of two ends that are too far apart, the one that fits the drives worse
+    lengths = np.zeros(is_jump.shape, bool)
+    errors = np.linalg.norm(rest - predicted, axis=-1)
+    # without a regression, the outer end is at fault
+    errors = np.where(np.isfinite(errors), errors, np.arange(rest.shape[1]))
+    for outer, reach in enumerate(reaches or ()):
+        if outer and reach is not None:
+            chords = rest[:, outer] - rest[:, outer - 1]
+            is_far = np.linalg.norm(chords, axis=-1) > (1 + STRETCH) * reach + MOUNTING
+            is_inner = errors[:, outer - 1] > errors[:, outer]
+            lengths[:, outer] |= is_far & ~is_inner
+            lengths[:, outer - 1] |= is_far & is_inner
     return Outliers(frozen, is_jump, swaps, lengths, measured)
 
 
-def _channels(values: Float[np.ndarray, "rows ends 3"]) -> Iterator[np.ndarray]:
+def _channels(values: EndVectors) -> Iterator[np.ndarray]:
     """Values of each end, shape (rows, 3)."""
     return iter(np.swapaxes(values, 0, 1))
 
@@ -171,9 +184,7 @@ def _spread(values: Float[np.ndarray, "rows 3"]) -> float:
     return float(np.median(np.linalg.norm(known - center, axis=1)))
 
 
-def _predict(
-    ends: MeasuredEnds, values: Float[np.ndarray, "rows ends 3"]
-) -> Float[np.ndarray, "rows ends 3"]:
+def _predict(ends: MeasuredEnds, values: EndVectors) -> EndVectors:
     """Robust regression on the drives; NaN where too few rows are known."""
     predicted = np.full(values.shape, np.nan)
     has_drives = np.isfinite(ends.drives).all(axis=1)
@@ -213,10 +224,10 @@ def _robust_weights(features: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 
 def _find_jumps(
-    values: Float[np.ndarray, "rows ends 3"],
-    predicted: Float[np.ndarray, "rows ends 3"],
+    values: EndVectors,
+    predicted: EndVectors,
     least: float,
-) -> Bool[np.ndarray, "rows ends"]:
+) -> PoseMask:
     """Poses that neither the drives nor the neighbors in time explain.
 
     Args:
@@ -257,26 +268,3 @@ def _leaps(
         grown = np.linalg.norm(residuals[row] - residuals[sound])
         is_leap[row] = min(moved, grown) > LEAP * errors[row]
     return is_leap
-
-
-def _find_lengths(
-    positions: Float[np.ndarray, "rows ends 3"],
-    predicted: Float[np.ndarray, "rows ends 3"],
-    reaches: Sequence[float | None],
-) -> Bool[np.ndarray, "rows ends"]:
-    """Of two ends that are too far apart, the one that fits the drives worse."""
-    errors = np.linalg.norm(positions - predicted, axis=-1)
-    # without a regression, the outer end is at fault
-    errors = np.where(np.isfinite(errors), errors, np.arange(len(reaches)))
-    impossible = np.zeros(positions.shape[:2], bool)
-    for outer in range(1, len(reaches)):
-        reach = reaches[outer]
-        if reach is None:
-            continue
-        chords = positions[:, outer] - positions[:, outer - 1]
-        distances = np.linalg.norm(chords, axis=-1)
-        is_far = distances > (1 + STRETCH) * reach + MOUNTING
-        is_inner = errors[:, outer - 1] > errors[:, outer]
-        impossible[:, outer] |= is_far & ~is_inner
-        impossible[:, outer - 1] |= is_far & is_inner
-    return impossible

@@ -8,11 +8,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
-from s2c2a.models.layers import Scaling, SumAndRange
+from s2c2a.models.layers import Actions, Scaling, SumAndRange
 from s2c2a.paper import BiLSTM, History, controller_inputs
 from s2c2a.training.fit import Batch
-
-Actions = Float[Array, "*batch modules cables"]
 
 
 class C2A(eqx.Module):

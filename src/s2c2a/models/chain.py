@@ -23,7 +23,8 @@ from s2c2a.models.disturbances import (
     LoadGains,
     moments_of_weights,
 )
-from s2c2a.models.forward_model import ForwardModel
+from s2c2a.models.forward_model import Configuration, Configurations, ForwardModel
+from s2c2a.models.layers import Actions
 from s2c2a.models.statics import SWEEPS, Equilibrium, StaticState
 from s2c2a.models.trunk import Trunk
 
@@ -64,18 +65,18 @@ class ChainC2S(ForwardModel):
 
     def near(
         self,
-        configurations: Float[Array, "modules 3"],
+        configurations: Configuration,
         memory: HysteresisMemory,
     ) -> "ChainC2S":
         """See `ForwardModel`: at short control periods, the arm after its delay."""
         arrived = self.hysteresis.delays > 0
         return replace(self, hysteresis=replace(self.hysteresis, arrived=arrived))
 
-    def start(self, sensed: Float[Array, "*batch modules 3"]) -> HysteresisMemory:
+    def start(self, sensed: Configurations) -> HysteresisMemory:
         return self.hysteresis.start(self._slack(self.body.displacements(sensed)))
 
     def observe(
-        self, sensed: Float[Array, "*batch modules 3"], memory: HysteresisMemory
+        self, sensed: Configurations, memory: HysteresisMemory
     ) -> HysteresisMemory:
         moved = self._slack(self.body.displacements(sensed))
         return self.hysteresis.advance(moved, memory)
@@ -83,7 +84,7 @@ class ChainC2S(ForwardModel):
     def with_moments(
         self,
         disturbances: Disturbances,
-        configurations: Float[Array, "*batch modules 3"],
+        configurations: Configurations,
         memory: HysteresisMemory,
         before: Disturbances,
     ) -> Disturbances:
@@ -111,7 +112,7 @@ class ChainC2S(ForwardModel):
     def with_gains(
         self,
         disturbances: Disturbances,
-        configurations: Float[Array, "modules 3"],
+        configurations: Configuration,
         memory: HysteresisMemory,
     ) -> Disturbances:
         """See `ForwardModel`: the iteration of `with_moments`, linearized.
@@ -162,7 +163,7 @@ class ChainC2S(ForwardModel):
 
     def predict(
         self,
-        configurations: Float[Array, "*batch modules 3"],
+        configurations: Configurations,
         memory: HysteresisMemory,
         disturbances: Disturbances | None = None,
     ) -> Float[Array, "*batch modules 6"]:
@@ -171,15 +172,13 @@ class ChainC2S(ForwardModel):
 
     def inputs(
         self,
-        displacements: Float[Array, "*batch modules cables"],
+        displacements: Actions,
         memory: HysteresisMemory,
     ) -> Float[Array, "*batch modules inputs cables"]:
         """The inputs of the hysteresis model (`Hysteresis.inputs`)."""
         return self.hysteresis.inputs(self._slack(displacements), memory)
 
-    def _slack(
-        self, displacements: Float[Array, "*batch modules cables"]
-    ) -> Float[Array, "*batch modules cables"]:
+    def _slack(self, displacements: Actions) -> Actions:
         """Displacements of cables that are longer than at the training."""
         return displacements + self.body.slack[:, None]
 
@@ -211,10 +210,10 @@ class ChainC2S(ForwardModel):
 
     def tensions(
         self,
-        configurations: Float[Array, "*batch modules 3"],
+        configurations: Configurations,
         memory: HysteresisMemory,
         disturbances: Disturbances | None = None,
-    ) -> Float[Array, "*batch modules cables"]:
+    ) -> Actions:
         inputs = self.inputs(self.body.displacements(configurations), memory)
         moments = None if disturbances is None else disturbances.moments
         pulls = self._at_rest(inputs, moments)[0].pulls
@@ -243,8 +242,17 @@ class ChainC2S(ForwardModel):
         if moments is None:
             moments = jnp.zeros(2)
         transmitted = self.hysteresis.transmitted(inputs)
-        if not self.statics:
-            return self._linear_rest(transmitted, moments)
+        if not self.statics:  # a linear map of the bends
+            own = self.body.bends(transmitted)
+            mixed = (own.reshape(*own.shape[:-2], -1) @ self.mixing).reshape(own.shape)
+            compliance = (self.body.taut_compliances / self.body.compliances)[:, None]
+            bends = self.body.softness[:, None] * (mixed + compliance * moments)
+            zeros = jnp.zeros_like(bends)
+            pulls = jnp.zeros_like(transmitted)
+            rest = StaticState(
+                bends, zeros[..., 0], zeros[..., :1], zeros, zeros, pulls
+            )
+            return rest, self.body.lengths, self._network(mixed)
         relaxation = self._relaxation(inputs)
         softness = self.body.softness[:, None]
 
@@ -276,21 +284,6 @@ class ChainC2S(ForwardModel):
         (rest, corrections), _ = jax.lax.scan(sweep, start, jnp.arange(2 * SWEEPS))
         lengths = self.body.lengths - self.body.radii * rest.shortening
         return rest, lengths, corrections
-
-    def _linear_rest(
-        self,
-        transmitted: Float[Array, "*batch modules cables"],
-        moments: Float[Array, "*batch modules 2"],
-    ) -> tuple[StaticState, Array, Array]:
-        """The equilibrium of an arm without statics: a linear map of the bends."""
-        own = self.body.bends(transmitted)
-        mixed = (own.reshape(*own.shape[:-2], -1) @ self.mixing).reshape(own.shape)
-        compliance = (self.body.taut_compliances / self.body.compliances)[:, None]
-        bends = self.body.softness[:, None] * (mixed + compliance * moments)
-        zeros = jnp.zeros_like(bends)
-        no_pulls = jnp.zeros_like(transmitted)
-        rest = StaticState(bends, zeros[..., 0], zeros[..., :1], zeros, zeros, no_pulls)
-        return rest, self.body.lengths, self._network(mixed)
 
     def _relaxation(
         self, inputs: Float[Array, "*batch modules inputs cables"]

@@ -14,6 +14,8 @@ from s2c2a.kinematics.bends import bends_from_configurations, configurations_fro
 from s2c2a.kinematics.chain import states_from_configurations
 from s2c2a.models.disturbances import PAYLOAD_ITERATIONS, Disturbances
 
+Configuration = Float[Array, "modules 3"]
+Configurations = Float[Array, "*batch modules 3"]
 Memory = Any  # a pytree of arrays; () for a model without memory
 
 
@@ -30,17 +32,17 @@ class ForwardModel(eqx.Module):
         return False
 
     @abstractmethod
-    def start(self, sensed: Float[Array, "modules 3"]) -> Memory:
+    def start(self, sensed: Configuration) -> Memory:
         """Memory of an arm at rest at its first sensed configuration."""
 
     @abstractmethod
-    def observe(self, sensed: Float[Array, "modules 3"], memory: Memory) -> Memory:
+    def observe(self, sensed: Configuration, memory: Memory) -> Memory:
         """Memory after one more sensed configuration."""
 
     def with_moments(
         self,
         disturbances: Disturbances,
-        configurations: Float[Array, "*batch modules 3"],
+        configurations: Configurations,
         memory: Memory,
         before: Disturbances,
     ) -> Disturbances:
@@ -61,7 +63,7 @@ class ForwardModel(eqx.Module):
     def settled(
         self,
         disturbances: Disturbances,
-        configurations: Float[Array, "modules 3"],
+        configurations: Configuration,
         memory: Memory,
     ) -> Disturbances:
         """Disturbances with the moments of their payload on an arm at rest.
@@ -87,7 +89,7 @@ class ForwardModel(eqx.Module):
     def with_gains(
         self,
         disturbances: Disturbances,
-        configurations: Float[Array, "modules 3"],
+        configurations: Configuration,
         memory: Memory,
     ) -> Disturbances:
         """Disturbances whose moments change with the shape that is predicted.
@@ -104,7 +106,7 @@ class ForwardModel(eqx.Module):
     @abstractmethod
     def predict(
         self,
-        configurations: Float[Array, "*batch modules 3"],
+        configurations: Configurations,
         memory: Memory,
         disturbances: Disturbances | None = None,
     ) -> Float[Array, "*batch modules 6"]:
@@ -118,7 +120,7 @@ class ForwardModel(eqx.Module):
 
     def tensions(
         self,
-        configurations: Float[Array, "*batch modules 3"],
+        configurations: Configurations,
         memory: Memory,
         disturbances: Disturbances | None = None,
     ) -> Float[Array, "*batch modules cables"]:
@@ -144,9 +146,7 @@ class ForwardModel(eqx.Module):
         """Positions in the frame of the states, brought to the base frame [m]."""
         return seen
 
-    def near(
-        self, configurations: Float[Array, "modules 3"], memory: Memory
-    ) -> "ForwardModel":
+    def near(self, configurations: Configuration, memory: Memory) -> "ForwardModel":
         """A model for plans that start from these configurations.
 
         Where a control step is shorter than the arm's delay, it
@@ -155,14 +155,12 @@ class ForwardModel(eqx.Module):
         return self
 
     def predictive_std(
-        self, configurations: Float[Array, "*batch modules 3"], memory: Memory
+        self, configurations: Configurations, memory: Memory
     ) -> Float[Array, "*batch modules"]:
         """Standard deviation of the predicted end points [m]; zero if unknown."""
         return jnp.zeros(configurations.shape[:-1])
 
-    def extrapolation(
-        self, configurations: Float[Array, "*batch modules 3"]
-    ) -> Float[Array, "*batch"]:
+    def extrapolation(self, configurations: Configurations) -> Float[Array, "*batch"]:
         """The part of it that is due to missing training data nearby [m]."""
         return jnp.zeros(configurations.shape[:-2])
 
@@ -186,10 +184,10 @@ def along_episode(
 class MemorylessModel(ForwardModel):
     """A forward model without hysteresis, as in the paper."""
 
-    def start(self, sensed: Float[Array, "modules 3"]) -> Memory:
+    def start(self, sensed: Configuration) -> Memory:
         return ()
 
-    def observe(self, sensed: Float[Array, "modules 3"], memory: Memory) -> Memory:
+    def observe(self, sensed: Configuration, memory: Memory) -> Memory:
         return memory
 
     def for_planning(self) -> "MemorylessModel":
@@ -205,9 +203,7 @@ class WrappedModel(ForwardModel):
     def inner(self) -> ForwardModel:
         """The other model."""
 
-    def moved(
-        self, configurations: Float[Array, "*batch modules 3"]
-    ) -> Float[Array, "*batch modules 3"]:
+    def moved(self, configurations: Configurations) -> Configurations:
         """Configurations for the other model; the same by default."""
         return configurations
 
@@ -215,18 +211,16 @@ class WrappedModel(ForwardModel):
     def takes_payload(self) -> bool:
         return self.inner.takes_payload
 
-    def start(self, sensed: Float[Array, "*batch modules 3"]) -> Memory:
+    def start(self, sensed: Configurations) -> Memory:
         return self.inner.start(self.moved(sensed))
 
-    def observe(
-        self, sensed: Float[Array, "*batch modules 3"], memory: Memory
-    ) -> Memory:
+    def observe(self, sensed: Configurations, memory: Memory) -> Memory:
         return self.inner.observe(self.moved(sensed), memory)
 
     def with_moments(
         self,
         disturbances: Disturbances,
-        configurations: Float[Array, "*batch modules 3"],
+        configurations: Configurations,
         memory: Memory,
         before: Disturbances,
     ) -> Disturbances:
@@ -236,14 +230,14 @@ class WrappedModel(ForwardModel):
     def with_gains(
         self,
         disturbances: Disturbances,
-        configurations: Float[Array, "modules 3"],
+        configurations: Configuration,
         memory: Memory,
     ) -> Disturbances:
         return self.inner.with_gains(disturbances, self.moved(configurations), memory)
 
     def tensions(
         self,
-        configurations: Float[Array, "*batch modules 3"],
+        configurations: Configurations,
         memory: Memory,
         disturbances: Disturbances | None = None,
     ) -> Float[Array, "*batch modules cables"]:
@@ -253,13 +247,11 @@ class WrappedModel(ForwardModel):
         return self.inner.cable_stiffnesses()
 
     def predictive_std(
-        self, configurations: Float[Array, "*batch modules 3"], memory: Memory
+        self, configurations: Configurations, memory: Memory
     ) -> Float[Array, "*batch modules"]:
         return self.inner.predictive_std(self.moved(configurations), memory)
 
-    def extrapolation(
-        self, configurations: Float[Array, "*batch modules 3"]
-    ) -> Float[Array, "*batch"]:
+    def extrapolation(self, configurations: Configurations) -> Float[Array, "*batch"]:
         return self.inner.extrapolation(self.moved(configurations))
 
 
@@ -279,7 +271,7 @@ class PCCForwardModel(MemorylessModel):
 
     def predict(
         self,
-        configurations: Float[Array, "*batch modules 3"],
+        configurations: Configurations,
         memory: Memory,
         disturbances: Disturbances | None = None,
     ) -> Float[Array, "*batch modules 6"]:

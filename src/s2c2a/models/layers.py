@@ -19,6 +19,8 @@ from s2c2a.paper import HEADROOM, sum_and_range
 from s2c2a.plugins.components import Options, Ranges
 from s2c2a.training.fit import Fixed, FromArm
 
+Actions = Float[Array, "*batch modules cables"]
+
 
 class Scaling(paper.Scaling, Fixed):
     """The scaling of the paper, which training leaves as it is."""
@@ -94,18 +96,14 @@ class SumAndRange(FromArm):
             balance = jnp.asarray(geometry.balance, dtype=jnp.float32)
         return cls(matrices, inverses, neutral, unit, low, high, balance, even)
 
-    def __call__(
-        self, raw: Float[Array, "*batch modules cables"]
-    ) -> Float[Array, "*batch modules cables"]:
+    def __call__(self, raw: Actions) -> Actions:
         """Normalized actions."""
         if self.evenly_three:
             return sum_and_range(raw)
         desired = bends_from_cables(self.pseudo_inverses, raw)
         return jnp.einsum("mck,...mk->...mc", self.matrices, _into_unit_disc(desired))
 
-    def normalized(
-        self, actions: Float[Array, "*batch modules cables"]
-    ) -> Float[Array, "*batch modules cables"]:
+    def normalized(self, actions: Actions) -> Actions:
         """Actions [m or N] to normalized ones, without what only raises pressures."""
         parts = (actions - self.neutral) / self.unit
         if self.balance is None:
@@ -113,16 +111,12 @@ class SumAndRange(FromArm):
         bends = bends_from_cables(self.pseudo_inverses, parts)
         return jnp.einsum("mck,...mk->...mc", self.matrices, bends)
 
-    def actions(
-        self, normalized: Float[Array, "*batch modules cables"]
-    ) -> Float[Array, "*batch modules cables"]:
+    def actions(self, normalized: Actions) -> Actions:
         """Normalized actions to [m or N]."""
         actions = self.neutral + normalized * self.unit
         return raised(actions, self.low, self.balance)
 
-    def limited(
-        self, normalized: Float[Array, "*batch modules cables"]
-    ) -> Float[Array, "*batch modules cables"]:
+    def limited(self, normalized: Actions) -> Actions:
         """Normalized actions within the limits of the arm, as they are sent."""
         return self.normalized(jnp.clip(self.actions(normalized), self.low, self.high))
 

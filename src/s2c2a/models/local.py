@@ -19,7 +19,7 @@ from s2c2a.models.cables import HysteresisMemory
 from s2c2a.models.chain import ChainC2S
 from s2c2a.models.data_region import PRIOR_STD, DataRegion
 from s2c2a.models.disturbances import Disturbances
-from s2c2a.models.forward_model import WrappedModel
+from s2c2a.models.forward_model import Configurations, WrappedModel
 from s2c2a.models.residual_process import ResidualProcess
 from s2c2a.spaces import AXIS, POSITION
 
@@ -86,7 +86,7 @@ class LocalC2S(WrappedModel):
 
     def predict(
         self,
-        configurations: Float[Array, "*batch modules 3"],
+        configurations: Configurations,
         memory: HysteresisMemory,
         disturbances: Disturbances | None = None,
     ) -> Float[Array, "*batch modules 6"]:
@@ -110,7 +110,7 @@ class LocalC2S(WrappedModel):
         return self.chain.inputs(moved, memory)
 
     def predictive_std(
-        self, configurations: Float[Array, "*batch modules 3"], memory: HysteresisMemory
+        self, configurations: Configurations, memory: HysteresisMemory
     ) -> Float[Array, "*batch modules"]:
         """See `ForwardModel`: of the process, of its samples, and of the chain's reach."""
         displacements = self.chain.body.displacements(configurations)
@@ -124,9 +124,7 @@ class LocalC2S(WrappedModel):
         beyond = self.extrapolation(configurations)[..., None] * modules / len(modules)
         return jnp.hypot(near, beyond)
 
-    def extrapolation(
-        self, configurations: Float[Array, "*batch modules 3"]
-    ) -> Float[Array, "*batch"]:
+    def extrapolation(self, configurations: Configurations) -> Float[Array, "*batch"]:
         displacements = self.chain.body.displacements(configurations)
         relative = self.region.extrapolation(self.region_features(displacements))
         return PRIOR_STD * jnp.sum(self.chain.body.lengths) * relative

@@ -19,7 +19,12 @@ from s2c2a.kinematics.bends import (
     squared_norm,
 )
 from s2c2a.models.disturbances import Disturbances
-from s2c2a.models.forward_model import ForwardModel, Memory, WrappedModel
+from s2c2a.models.forward_model import (
+    Configurations,
+    ForwardModel,
+    Memory,
+    WrappedModel,
+)
 from s2c2a.models.trunk import Trunk
 from s2c2a.spaces import AXIS, POSITION
 
@@ -95,16 +100,14 @@ class SessionC2S(WrappedModel):
         """See `WrappedModel`: the model of the training."""
         return self.trained
 
-    def moved(
-        self, configurations: Float[Array, "*batch modules 3"]
-    ) -> Float[Array, "*batch modules 3"]:
+    def moved(self, configurations: Configurations) -> Configurations:
         """See `WrappedModel`: those that the arm had on the day of the training."""
         bends = bends_from_configurations(configurations)
         return configurations_from_bends(bends + self.change.offsets)
 
     def predict(
         self,
-        configurations: Float[Array, "*batch modules 3"],
+        configurations: Configurations,
         memory: Memory,
         disturbances: Disturbances | None = None,
     ) -> Float[Array, "*batch modules 6"]:

@@ -28,6 +28,7 @@ from jaxtyping import Array, Bool, Float
 
 from s2c2a.models.cables import Viscoelasticity
 
+Bends = Float[Array, "*batch modules 2"]
 NEWTON_ITERATIONS = 6  # the energy is convex and piecewise quadratic
 WARM_ITERATIONS = 2  # from bends near the equilibrium
 # line search; with five cables and more, full Newton steps can cycle
@@ -57,11 +58,11 @@ class StaticState(NamedTuple):
             [rad], shape (*batch, modules, cables).
     """
 
-    bends: Float[Array, "*batch modules 2"]
+    bends: Bends
     shortening: Float[Array, "*batch modules"]
     slack: Float[Array, "*batch modules 1"]
-    inner_bends: Float[Array, "*batch modules 2"]
-    pulled: Float[Array, "*batch modules 2"]
+    inner_bends: Bends
+    pulled: Bends
     pulls: Float[Array, "*batch modules cables"]
 
     @classmethod
@@ -110,7 +111,7 @@ class Equilibrium(eqx.Module):
     def sweep(
         self,
         transmitted: Float[Array, "*batch modules cables"],
-        moments: Float[Array, "*batch modules 2"],
+        moments: Bends,
         matrices: Float[Array, "modules cables 2"],
         softness: Float[Array, "modules 1"],
         rest: StaticState,
@@ -167,14 +168,14 @@ def _sum_outwards(values: Array, axis: int) -> Array:
 
 def bend_at_rest(
     displacements: Float[Array, "*batch modules cables"],
-    moments: Float[Array, "*batch modules 2"],
+    moments: Bends,
     matrices: Float[Array, "modules cables 2"],
     stiffness: Float[Array, " modules"],
     tautness: Float[Array, " modules"],
     engaged: bool = False,
-    start: Float[Array, "*batch modules 2"] | float = 0.0,
+    start: Bends | float = 0.0,
     is_first: Bool[Array, ""] | bool = True,
-) -> Float[Array, "*batch modules 2"]:
+) -> Bends:
     """Bend vectors at static equilibrium [rad].
 
     Args:

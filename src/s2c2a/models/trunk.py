@@ -10,6 +10,7 @@ from s2c2a.arm.geometry import per_module
 from s2c2a.kinematics import bends_from_cables, bends_from_configurations
 from s2c2a.training.fit import FromArm
 
+PerModule = Float[Array, " modules"]
 TAUT = 0.5  # typical share of cables that are taut
 
 
@@ -36,18 +37,18 @@ class Trunk(FromArm):
         softness: bending compliance over that at the training, shape (modules,).
     """
 
-    lengths: Float[Array, " modules"]
+    lengths: PerModule
     matrices: Float[Array, "modules cables 2"]
     inverses: Float[Array, "modules 2 cables"]
-    radii: Float[Array, " modules"]
-    compliances: Float[Array, " modules"]
-    taut_compliances: Float[Array, " modules"]
+    radii: PerModule
+    compliances: PerModule
+    taut_compliances: PerModule
     moments: Float[Array, "modules 1"]
-    weights: Float[Array, " modules"]
-    lateral_compliances: Float[Array, " modules"]
+    weights: PerModule
+    lateral_compliances: PerModule
     gravity: Float[Array, "3"]
-    slack: Float[Array, " modules"]
-    softness: Float[Array, " modules"]
+    slack: PerModule
+    softness: PerModule
 
     @classmethod
     def of(cls, arm: ArmSpec) -> "Trunk":
