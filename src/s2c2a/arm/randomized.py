@@ -38,12 +38,38 @@ def randomized_arm(base: ArmSpec, seed: int, strength: float) -> ArmSpec:
         return base.model_copy(update=name)
     random = np.random.default_rng([seed, 7])
     described = base.model_dump()
+
+    def either(limit: float, count: int | None = None) -> Any:
+        """Sample errors of both signs."""
+        return strength * random.uniform(-limit, limit, count)
+
+    def within(low: float, high: float) -> float:
+        """Sample a positive value."""
+        return strength * random.uniform(low, high)
+
     # tension of all cables through a module: its own and those of distal modules
     tensions = np.cumsum(_tensions_at_full_bend(base)[::-1])[::-1]
     for module, table, tension in zip(
         base.modules, described["modules"], tensions, strict=True
     ):
-        table["mismatch"] = _mismatch(module, random, strength, tension)
+        cables = len(module.cable_angles_deg)
+        mismatch = {
+            "angle_errors_deg": either(5.0, cables),
+            "radius_errors": either(0.06, cables),
+            "coupling": strength * 0.25,
+            "mass_error": either(0.1),
+            "stiffness_error": either(0.1),
+            "stiffness_ratio": 1.0 + strength * 0.15,
+            "stiff_direction_deg": random.uniform(0.0, 180.0),
+            "hardening": strength * 0.2,
+            "relaxing": [within(1 / 10, 1 / 7), within(1 / 10, 1 / 7)],
+            # of the length, with all modules at full bend
+            "axial_stiffness": tension / within(0.02, 0.04),
+            "rest_bend_deg": within(2.0, 4.0),
+            "rest_azimuth_deg": random.uniform(0.0, 360.0),
+            "drift": strength * 0.05 * random.choice((-1.0, 1.0)),
+        }
+        table["mismatch"] = _rounded(mismatch)
         table["cable"] |= _losses(module, random, strength, base.actuation)
         if base.actuation == "pressure":  # chambers do not pass other modules
             table["mismatch"]["coupling"] = None
@@ -67,45 +93,6 @@ def without_mismatch(arm: ArmSpec) -> ArmSpec:
         modules.append(module.model_copy(update=nominal | {"cable": cable}))
     motor = arm.motor.model_copy(update={"homing_error": 0.0})
     return arm.model_copy(update={"modules": tuple(modules), "motor": motor})
-
-
-def _mismatch(
-    module: Module, random: Random, strength: float, tension: float
-) -> dict[str, Any]:
-    """Sample the mismatch of one module.
-
-    Args:
-        module: nominal values.
-        random: source of the samples.
-        strength: strength of the mismatch.
-        tension: of all cables through the module with all modules at full bend [N].
-    """
-    cables = len(module.cable_angles_deg)
-
-    def either(limit: float, count: int | None = None) -> Any:
-        """Sample errors of both signs."""
-        return strength * random.uniform(-limit, limit, count)
-
-    def within(low: float, high: float) -> float:
-        """Sample a positive value."""
-        return strength * random.uniform(low, high)
-
-    table = {
-        "angle_errors_deg": either(5.0, cables),
-        "radius_errors": either(0.06, cables),
-        "coupling": strength * 0.25,
-        "mass_error": either(0.1),
-        "stiffness_error": either(0.1),
-        "stiffness_ratio": 1.0 + strength * 0.15,
-        "stiff_direction_deg": random.uniform(0.0, 180.0),
-        "hardening": strength * 0.2,
-        "relaxing": [within(1 / 10, 1 / 7), within(1 / 10, 1 / 7)],
-        "axial_stiffness": tension / within(0.02, 0.04),  # of the length, at full bend
-        "rest_bend_deg": within(2.0, 4.0),
-        "rest_azimuth_deg": random.uniform(0.0, 360.0),
-        "drift": strength * 0.05 * random.choice((-1.0, 1.0)),
-    }
-    return _rounded(table)
 
 
 def _losses(

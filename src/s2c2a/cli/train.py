@@ -19,8 +19,7 @@ from s2c2a.errors import StrategyError, listed
 from s2c2a.execution.executors import limit_jax_to_one_thread
 
 if TYPE_CHECKING:
-    from s2c2a.execution.progress import Progress
-    from s2c2a.strategies import Recipe, TrainedNetworks
+    from s2c2a.strategies import TrainedNetworks
 
 
 READING = "reading the data"
@@ -62,12 +61,32 @@ def train(
     with progress_bar() as progress:
         progress(READING, 0, 1)  # before slow imports
         from s2c2a import strategies, viz
+        from s2c2a.data import load_recording
 
         limit_jax_to_one_thread()
         strategies.check_new_networks(out, overwrite)
         chosen = strategies.recipe_from(recipe)
         begun = strategies.load_networks(start) if start else None
-        networks = _trained(recording, arm, strategy, chosen, seed, begun, progress)
+        options = strategies.strategy_named(strategy)
+        if begun is not None and type(options) is not strategies.S2C2A:
+            raise StrategyError(f"--from works with s2c2a alone, not with {strategy}")
+        spec = load_arm(arm) if arm else None
+        data = load_recording(recording)
+        progress(READING, 1, 1)
+        if spec is not None and spec.differences(data.arm):
+            raise StrategyError(
+                f"{recording} is of '{data.arm.name}', which differs from {arm} in "
+                f"{listed(spec.differences(data.arm))}; leave out --arm, or give the arm "
+                "file that it was recorded with"
+            )
+
+        def on_epoch(network: str, epoch: int, epochs: int, loss: float) -> None:
+            progress(f"training {network}", epoch, epochs)
+
+        if begun is not None:
+            networks = strategies.train_s2c2a(data, chosen, seed, on_epoch, begun)
+        else:
+            networks = strategies.train_networks(data, chosen, strategy, seed, on_epoch)
     strategies.save_networks(networks, out)
     curves = {name: result.curve for name, result in networks.trained.items()}
     picture = viz.learning_curves(curves, Path(f"{out}.png"))
@@ -93,41 +112,3 @@ def report(networks: "TrainedNetworks", start: "TrainedNetworks | None") -> None
     # a training that starts from a prior keeps its modal model
     if start is None and (text := evaluation.describe_modal_model(networks)):
         print(text)
-
-
-def _trained(
-    recording: str,
-    arm: str | None,
-    strategy: str,
-    recipe: "Recipe",
-    seed: int,
-    start: "TrainedNetworks | None",
-    progress: "Progress",
-) -> "TrainedNetworks":
-    """Train on a recording, from a prior if there is one.
-
-    Raises:
-        StrategyError: the arm or the prior does not fit.
-    """
-    from s2c2a import strategies
-    from s2c2a.data import load_recording
-
-    options = strategies.strategy_named(strategy)
-    if start is not None and type(options) is not strategies.S2C2A:
-        raise StrategyError(f"--from works with s2c2a alone, not with {strategy}")
-    spec = load_arm(arm) if arm else None
-    data = load_recording(recording)
-    progress(READING, 1, 1)
-    if spec is not None and spec.differences(data.arm):
-        raise StrategyError(
-            f"{recording} is of '{data.arm.name}', which differs from {arm} in "
-            f"{listed(spec.differences(data.arm))}; leave out --arm, or give the arm "
-            "file that it was recorded with"
-        )
-
-    def on_epoch(network: str, epoch: int, epochs: int, loss: float) -> None:
-        progress(f"training {network}", epoch, epochs)
-
-    if start is not None:
-        return strategies.train_s2c2a(data, recipe, seed, on_epoch, start)
-    return strategies.train_networks(data, recipe, strategy, seed, on_epoch)

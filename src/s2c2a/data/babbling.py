@@ -96,36 +96,27 @@ def motion_through(
     Returns:
         Bends in shares of the full bend.
     """
+    random = exploration.random
     position = np.zeros_like(targets[0])
     pieces: list[np.ndarray] = []
     steps = 0
     while steps < exploration.samples:
-        piece = _stretch(position, targets[len(pieces) % len(targets)], exploration)
-        pieces.append(piece)
-        position = piece[-1]
-        steps += len(piece)
+        # at a log-uniform speed; a few stretches are slow or hold
+        speed = np.exp(random.uniform(*np.log(exploration.speeds)))
+        change = targets[len(pieces) % len(targets)] - position
+        distance = float(np.linalg.norm(change, axis=-1).max())
+        if random.uniform() < SLOW_SHARE:
+            shortest, longest = np.array(SLOW_TIMES) / exploration.speeds[1]
+            count = random.integers(max(1, round(shortest)), max(2, round(longest)))
+            slow = 0.0 if random.uniform() < HELD_SHARE else SLOWDOWN * speed
+            change = change * min(1.0, slow * count / max(distance, 1e-9))
+        else:
+            count = max(1, int(np.ceil(distance / speed)))
+        shares = np.arange(1, count + 1)[:, None, None] / count
+        pieces.append(position + change * shares)
+        position = pieces[-1][-1]
+        steps += count
     return np.concatenate(pieces)[: exploration.samples]
-
-
-def _stretch(
-    start: Float[np.ndarray, "modules 2"],
-    target: Float[np.ndarray, "modules 2"],
-    exploration: Exploration,
-) -> Bends:
-    """Motion to a target at a log-uniform speed; a few stretches are slow or hold."""
-    random = exploration.random
-    speed = np.exp(random.uniform(*np.log(exploration.speeds)))
-    change = target - start
-    distance = float(np.linalg.norm(change, axis=-1).max())
-    if random.uniform() < SLOW_SHARE:
-        shortest, longest = np.array(SLOW_TIMES) / exploration.speeds[1]
-        steps = int(random.integers(max(1, round(shortest)), max(2, round(longest))))
-        slow = 0.0 if random.uniform() < HELD_SHARE else SLOWDOWN * speed
-        change = change * min(1.0, slow * steps / max(distance, 1e-9))
-    else:
-        steps = max(1, int(np.ceil(distance / speed)))
-    shares = np.arange(1, steps + 1)[:, None, None] / steps
-    return start + change * shares
 
 
 def episode_actions(

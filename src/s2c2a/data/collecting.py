@@ -129,7 +129,28 @@ def collect(
     stored = asdict(options) | {"robot": robot}
     slowest, fastest_share = stored.pop("speeds")
     stored |= {"slowest": slowest, "fastest": fastest_share}
-    writer = _open_writer(Path(path), arm, stored, resume, overwrite)
+    path = Path(path)
+    if not path.exists() or overwrite:
+        check_replaceable(path, ENDING, RecordingError)
+        writer = EpisodeWriter.create(path, arm, stored)
+    elif not resume:
+        raise RecordingError(
+            f"{path} exists; continue it (--resume), replace it (--overwrite), or "
+            "choose another name"
+        )
+    else:
+        writer = EpisodeWriter(path)
+        differences = [
+            *_differences(writer.options, stored),
+            *_differences(writer.arm.model_dump(), arm.model_dump(), "arm"),
+        ]
+        if differences:
+            writer.close()
+            raise RecordingError(
+                f"{path} was started with another arm or other options "
+                f"({listed(differences, '; ')}); resume it with the same ones, or replace "
+                "it (--overwrite)"
+            )
     try:
         with workers as pool:
             progress(writer.count, options.episodes)
@@ -141,34 +162,8 @@ def collect(
     finally:
         writer.close()
         if writer.count == 0:  # no episode was recorded, as without any pose
-            Path(path).unlink(missing_ok=True)
+            path.unlink(missing_ok=True)
     return load_recording(path)
-
-
-def _open_writer(
-    path: Path, arm: ArmSpec, options: dict, resume: bool, overwrite: bool
-) -> EpisodeWriter:
-    if not path.exists() or overwrite:
-        check_replaceable(path, ENDING, RecordingError)
-        return EpisodeWriter.create(path, arm, options)
-    if not resume:
-        raise RecordingError(
-            f"{path} exists; continue it (--resume), replace it (--overwrite), or "
-            "choose another name"
-        )
-    writer = EpisodeWriter(path)
-    differences = [
-        *_differences(writer.options, options),
-        *_differences(writer.arm.model_dump(), arm.model_dump(), "arm"),
-    ]
-    if differences:
-        writer.close()
-        raise RecordingError(
-            f"{path} was started with another arm or other options "
-            f"({listed(differences, '; ')}); resume it with the same ones, or replace it "
-            "(--overwrite)"
-        )
-    return writer
 
 
 def _differences(before: Any, after: Any, key: str = "") -> list[str]:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from s2c2a.arm import ArmSpec
 from s2c2a.arm.geometry import body_radii
@@ -159,32 +159,6 @@ def tip_drifts(
     latest_begin = np.maximum.accumulate(begins)
     drifts = 100.0 * np.linalg.norm(tips - tips[latest_begin], axis=-1)
     return np.where(far, drifts, np.nan)
-
-
-def recovery_time(
-    errors: PerStep, reachable: Bool[np.ndarray, " steps"], near: float, period: float
-) -> float:
-    """`recovery` [s]: time from the target's last re-entry until the error stays small.
-
-    Args:
-        errors: position errors [cm].
-        reachable: whether the target is within reach in each step.
-        near: error below which the arm has recovered [cm].
-        period: of the control steps [s].
-
-    Returns:
-        NaN if the target never re-enters; infinite if the last error is not small.
-    """
-    entries = np.flatnonzero(reachable[1:] & ~reachable[:-1]) + 1
-    if not len(entries):
-        return float("nan")
-    errors_since = errors[entries[-1] :]
-    large = np.flatnonzero(errors_since > near)
-    if not len(large):
-        return 0.0
-    if large[-1] == len(errors_since) - 1:
-        return float("inf")
-    return period * (large[-1] + 1)
 
 
 def _of_counting(reduce: Callable[[PerStep], float]) -> Callable[[PerStep], float]:
@@ -357,15 +331,21 @@ def _tip_path(episode: Episode) -> Float[np.ndarray, "steps moments 3"]:
 
 
 def _recovery(episode: Episode, task: Task, score: Score) -> PerStep:
-    """Recovery time in the last step, NaN before.
+    """`recovery` [s]: time from the target's last re-entry until the error stays small.
 
-    The score's steps are those whose target is within reach.
+    The score's steps are those whose target is within reach. The last step has the time,
+    infinite if the last error is not small; NaN before, or if the target never re-enters.
     """
     errors = position_errors(episode.after("states"), task.desired_positions())
-    period = float(np.diff(episode.times()[:2])[0])
     reachable = np.ones(len(errors), bool) if score.steps is None else score.steps
+    entries = np.flatnonzero(reachable[1:] & ~reachable[:-1]) + 1
     values = np.full(len(errors), np.nan)
-    values[-1] = recovery_time(errors, reachable, DEFAULT_REACH_THRESHOLD, period)
+    if len(entries):
+        large = np.flatnonzero(errors[entries[-1] :] > DEFAULT_REACH_THRESHOLD)
+        steps = large[-1] + 1 if len(large) else 0
+        is_small = entries[-1] + steps < len(errors)
+        period = float(np.diff(episode.times()[:2])[0])
+        values[-1] = period * steps if is_small else np.inf
     return values
 
 

@@ -2,12 +2,13 @@
 
 import hashlib
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from itertools import product
 from operator import attrgetter
+from typing import Any
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from s2c2a.execution.progress import Progress
 from s2c2a.files.text import MAX_SEED, is_seed
 from s2c2a.jobs.artifacts import Artifact, Cache, Networks, NetworksArtifact, digest_of
 from s2c2a.robots import Robot, RobotFactory
-from s2c2a.runtime import Driver, StepRecord
+from s2c2a.runtime import StepRecord
 from s2c2a.runtime.border import named_errors
 from s2c2a.runtime.step_writer import StepWriter
 from s2c2a.strategies import (
@@ -196,14 +197,38 @@ class Job(Artifact[Run]):
             progress(str(self), done, total)
 
         robot = self.robot()
+        interrupted = self.path(cache).with_name(f"interrupted-{self.file}")
+        # repetitions of a real arm until an error; the result if the run may end early
         kept: list[episodes.Episode] = []
+
+        def keep(episode: episodes.Episode) -> None:
+            if not robot.own_time:
+                episodes.save_episodes([*kept, episode], interrupted)
+            if not robot.own_time or self.conditions.may_end_early:
+                kept.append(episode)
+
         with self._steps_on_disk(robot, cache, kept) as keep_step:
 
             def on_step(step: StepRecord) -> None:
                 keep_step(step)
                 self.on_step(step)
 
-            runs = self._episodes(robot, strategy, report, cache, on_step, kept)
+            watched: dict[str, Any] = {"keep": keep, "on_step": on_step}
+            parts = robot, strategy, self.weighted_task
+            try:
+                if self.repetitions == 1:
+                    runs = [evaluation.rollout(*parts, report, **watched)]
+                else:
+                    runs = evaluation.repeated_rollout(
+                        *parts, self.repetitions, report, **watched
+                    )
+            except S2C2AError as error:
+                if not kept:  # the file may be that of an earlier run
+                    raise
+                if not self.conditions.may_end_early:
+                    text = f"{error}; the steps until then are kept: {interrupted}"
+                    raise S2C2AError(text) from error
+                runs = kept
             described = [
                 episode.with_options(
                     strategy=self.strategy,
@@ -216,52 +241,6 @@ class Job(Artifact[Run]):
                 for episode in runs
             ]
             episodes.save_episodes(described, self.path(cache))
-
-    def _episodes(
-        self,
-        robot: Robot,
-        strategy: Driver,
-        progress: Callable[[int, int], None],
-        cache: Cache,
-        on_step: OnStep,
-        kept: list[episodes.Episode],
-    ) -> list[episodes.Episode]:
-        """Run the task and its repetitions.
-
-        If an error interrupts a real arm, its repetitions until then are added to
-        `kept` and saved in a file. They are the result if the run may end early.
-        """
-        task = self.weighted_task
-        interrupted = self.path(cache).with_name(f"interrupted-{self.file}")
-
-        def keep(episode: episodes.Episode) -> None:
-            if not robot.own_time:
-                episodes.save_episodes([*kept, episode], interrupted)
-            if not robot.own_time or self.conditions.may_end_early:
-                kept.append(episode)
-
-        try:
-            if self.repetitions == 1:
-                episode = evaluation.rollout(
-                    robot, strategy, task, progress, keep=keep, on_step=on_step
-                )
-                return [episode]
-            return evaluation.repeated_rollout(
-                robot,
-                strategy,
-                task,
-                self.repetitions,
-                progress,
-                keep=keep,
-                on_step=on_step,
-            )
-        except S2C2AError as error:
-            if not kept:  # the file may be that of an earlier run
-                raise
-            if self.conditions.may_end_early:
-                return kept
-            text = f"{error}; the steps until then are kept: {interrupted}"
-            raise S2C2AError(text) from error
 
     @contextmanager
     def _steps_on_disk(

@@ -87,50 +87,45 @@ def judge(
     is_desired = jnp.asarray(goal.position_weights)[:, None] > 0.0
     gaps = jnp.where(is_desired, planned.states[:, POSITION] - goal.positions, 0.0)
     error = jnp.max(norm(gaps))
+
+    def is_blocked() -> Bool[Array, ""]:
+        """Whether no step within the limits moves the ends of arcs nearer to their goal.
+
+        Nearer is by more than a twentieth of the way of a straight arm that turns at its
+        base by the step limit. Projected gradient descent solves the linear problem.
+        """
+        longest = situation.longest_step
+        flat = gaps.reshape(-1)
+        bends = planned.bends
+        slopes = jnp.where(is_desired, slopes_of(bends, lengths, longest), 0.0)
+        slopes = slopes.reshape(bends.size, -1)
+        rate = 1.0 / jnp.maximum(jnp.sum(slopes**2), np.finfo(np.float32).tiny)
+
+        def gaps_after(changes: Bends) -> Float[Array, " gaps"]:
+            return flat + changes.reshape(-1) @ slopes
+
+        def descend(_, changes: Bends) -> Bends:
+            gradient = (slopes @ gaps_after(changes)).reshape(bends.shape)
+            moved = bends + changes - rate * gradient
+            allowed = limit_lengths(moved, situation.bend_limits)
+            return limit_lengths(allowed - bends, longest)
+
+        still = jnp.zeros_like(bends)
+        changes = jax.lax.fori_loop(0, DESCENT_ITERATIONS, descend, still)
+        fall = norm(flat) - norm(gaps_after(changes))
+        return fall <= STILL * longest * situation.length
+
     reached = jnp.isnan(error) | (error <= SIGNIFICANT * situation.length)
     blocked = jax.lax.cond(
         reached,
         lambda: jnp.asarray(False),
-        lambda: _is_blocked(planned.bends, gaps, is_desired, situation, lengths),
+        is_blocked,
     )
     step = largest_bend(planned.bends - situation.last.bends)
     still = step < STILL * situation.longest_step
     solved = jnp.where(still, Outcome.STALLED, Outcome.MOVING)
     solved = jnp.where(reached, Outcome.SOLVED, solved)
     return jnp.where(blocked, Outcome.OUT_OF_REACH, solved).astype(jnp.int32)
-
-
-def _is_blocked(
-    bends: Bends,
-    gaps: Float[Array, "modules 3"],
-    is_desired: Bool[Array, "modules 1"],
-    situation: Situation,
-    lengths: Float[Numbers, " modules"],
-) -> Bool[Array, ""]:
-    """Whether no step within the limits moves the ends of arcs nearer to their goal.
-
-    Nearer is by more than a twentieth of the way of a straight arm that turns at its
-    base by the step limit. Projected gradient descent solves the linear problem.
-    """
-    longest = situation.longest_step
-    flat = gaps.reshape(-1)
-    slopes = jnp.where(is_desired, slopes_of(bends, lengths, longest), 0.0)
-    slopes = slopes.reshape(bends.size, -1)
-    rate = 1.0 / jnp.maximum(jnp.sum(slopes**2), np.finfo(np.float32).tiny)
-
-    def gaps_after(changes: Bends) -> Float[Array, " gaps"]:
-        return flat + changes.reshape(-1) @ slopes
-
-    def descend(_, changes: Bends) -> Bends:
-        gradient = (slopes @ gaps_after(changes)).reshape(bends.shape)
-        moved = bends + changes - rate * gradient
-        allowed = limit_lengths(moved, situation.bend_limits)
-        return limit_lengths(allowed - bends, longest)
-
-    still = jnp.zeros_like(bends)
-    changes = jax.lax.fori_loop(0, DESCENT_ITERATIONS, descend, still)
-    fall = norm(flat) - norm(gaps_after(changes))
-    return fall <= STILL * longest * situation.length
 
 
 def slopes_of(

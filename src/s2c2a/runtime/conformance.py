@@ -78,10 +78,34 @@ class _SmallBend(Player):
         before = self.reading
         yield from self.approach(bent)
         yield from self.hold(bent, SETTLING_TIME)
-        _check_cables(self._sensors, before, self.reading, bent - rest)
-        levers = np.cumsum(geometry.lengths[::-1])[::-1] - geometry.lengths / 2
-        sideways = levers @ (shares * geometry.action_bends[:, None])
-        _check_tip(self._sensors, before, self.reading, sideways)
+        if "cables" in self._sensors:
+            commanded = bent - rest
+            change = np.subtract(self.reading["cables"], before["cables"], dtype=float)
+            moved = np.sum(change * commanded, axis=-1)
+            wanted = np.sum(commanded**2, axis=-1)
+            wrong = [
+                f"those of module {number + 1} moved "
+                f"{100 * moved[number] / wanted[number]:.0f} %"
+                for number in np.flatnonzero(wanted)
+                if not moved[number] > wanted[number] / 2
+            ]
+            _require(
+                not wrong,
+                f"'cables' do not follow: {', '.join(wrong)} of the commanded "
+                "displacement: wrong sign, or nothing moves",
+            )
+        if "states" in self._sensors:
+            levers = np.cumsum(geometry.lengths[::-1])[::-1] - geometry.lengths / 2
+            sideways = levers @ (shares * geometry.action_bends[:, None])
+            shift = (self.reading["states"] - before["states"])[-1, POSITION]
+            x, y = sideways / np.linalg.norm(sideways)
+            along = shift[0] * x + shift[1] * y
+            across = abs(shift[1] * x - shift[0] * y)
+            towards = f"({x:.2f}, {y:.2f}) in x and y" if abs(y) > 1e-6 else "+x"
+            _require(
+                along > 0 and along > 2 * across,
+                f"commanded towards {towards}, the tip moved by {shift.round(4)} m",
+            )
         yield from self.approach(rest)
 
     def _directions(self) -> Float[np.ndarray, "modules 2"]:
@@ -386,45 +410,6 @@ def _described_sensors(arm: ArmSpec) -> dict[str, tuple[str, ...]]:
     if sensors.raw:
         described["[[sensors.raw]]"] = tuple(sensor.name for sensor in sensors.raw)
     return described
-
-
-def _check_cables(
-    sensors: Mapping[str, Sensor], before: Reading, after: Reading, commanded: Actions
-) -> None:
-    if "cables" not in sensors:
-        return
-    change = np.subtract(after["cables"], before["cables"], dtype=float)
-    moved = np.sum(change * commanded, axis=-1)
-    wanted = np.sum(commanded**2, axis=-1)
-    wrong = [
-        f"those of module {number + 1} moved {100 * moved[number] / wanted[number]:.0f} %"
-        for number in np.flatnonzero(wanted)
-        if not moved[number] > wanted[number] / 2
-    ]
-    _require(
-        not wrong,
-        f"'cables' do not follow: {', '.join(wrong)} of the commanded "
-        "displacement: wrong sign, or nothing moves",
-    )
-
-
-def _check_tip(
-    sensors: Mapping[str, Sensor],
-    before: Reading,
-    after: Reading,
-    sideways: Float[np.ndarray, "2"],
-) -> None:
-    if "states" not in sensors:
-        return
-    displacement = after["states"][-1, POSITION] - before["states"][-1, POSITION]
-    x, y = sideways / np.linalg.norm(sideways)
-    along = displacement[0] * x + displacement[1] * y
-    across = abs(displacement[1] * x - displacement[0] * y)
-    towards = f"({x:.2f}, {y:.2f}) in x and y" if abs(y) > 1e-6 else "+x"
-    _require(
-        along > 0 and along > 2 * across,
-        f"commanded towards {towards}, the tip moved by {displacement.round(4)} m",
-    )
 
 
 def _require(condition: bool, fault: str) -> None:

@@ -102,7 +102,12 @@ def learned_offsets(episode: Episode, offsets: Offsets, sensor: str) -> Offsets:
         errors = targets - ends[:, module]
         is_known = np.isfinite(errors).all(axis=-1)
         if is_known.any():
-            smooth = _smoothed(moments[is_known], errors[is_known], times + LEAD_TIME)
+            # average near each time (E. A. Nadaraya 1964), Gaussian weights
+            later = (times + LEAD_TIME)[:, None]
+            exponents = -0.5 * ((later - moments[is_known]) / SMOOTHING_TIME) ** 2
+            # in a gap the nearest samples count, however far they are
+            weights = np.exp(exponents - exponents.max(axis=1, keepdims=True))
+            smooth = weights @ errors[is_known] / weights.sum(axis=1, keepdims=True)
             learned[: len(times), module] += LEARNING_GAIN * smooth
     longest = MAX_OFFSET * episode.arm.length
     lengths = np.linalg.norm(learned, axis=-1, keepdims=True)
@@ -126,16 +131,3 @@ def _measured_ends(
     # a picture that is read twice counts once
     moments, first = np.unique(moments[is_used], return_index=True)
     return moments, positions[is_used][first]
-
-
-def _smoothed(
-    moments: Float[np.ndarray, " samples"],
-    errors: Float[np.ndarray, "samples 3"],
-    times: Float[np.ndarray, " steps"],
-) -> Float[np.ndarray, "steps 3"]:
-    """Average of errors near each time (E. A. Nadaraya 1964), Gaussian weights."""
-    exponents = -0.5 * ((times[:, None] - moments) / SMOOTHING_TIME) ** 2
-    # in a gap the nearest samples count, however far they are
-    exponents -= exponents.max(axis=1, keepdims=True)
-    weights = np.exp(exponents)
-    return weights @ errors / weights.sum(axis=1, keepdims=True)

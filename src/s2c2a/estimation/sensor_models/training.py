@@ -183,7 +183,11 @@ def _with_errors(
     """The network with its hysteresis and errors, and its predictions with biases."""
     half_range = np.asarray(network.scaling.half_range)
     predicted = np.asarray(_predict(network, jnp.asarray(samples.bends)))
-    backlash = fit_backlash(samples, predicted, half_range)
+    # half-widths with the smallest residual, of every value
+    candidates = np.outer(BACKLASHES, half_range)
+    lags = (with_backlash(samples, predicted, each) for each in candidates)
+    stds = [_std_within_episodes(samples, samples.values - each) for each in lags]
+    backlash = candidates[np.argmin(stds, axis=0), np.arange(len(half_range))]
     lagging = with_backlash(samples, predicted, backlash)
     biases = _episode_means(samples, samples.values - lagging)
     explained = lagging + biases[samples.episode]
@@ -228,21 +232,6 @@ def with_backlash(
     for row in np.flatnonzero(continues):
         lagging[row] = play(lagging[row - 1], low[row], high[row])
     return lagging
-
-
-def fit_backlash(
-    samples: SensorSamples,
-    predicted: Float[np.ndarray, "samples values"],
-    half_range: Float[np.ndarray, " values"],
-) -> Float[np.ndarray, " values"]:
-    """Half-widths with the smallest residual, of every value."""
-    candidates = np.outer(BACKLASHES, half_range)
-    residuals = []
-    for half_widths in candidates:
-        lagging = with_backlash(samples, predicted, half_widths)
-        residuals.append(_std_within_episodes(samples, samples.values - lagging))
-    best = np.argmin(residuals, axis=0)
-    return candidates[best, np.arange(len(half_range))]
 
 
 def _change(
