@@ -85,7 +85,11 @@ def test_offsets_act_on_the_bends():
 @pytest.mark.parametrize("tip_only", slow_after(1, [True, False]))
 @pytest.mark.parametrize(
     "parts",
-    [{"translation": TRANSLATION, "rotation": ROTATION}, {"offsets": OFFSETS}],
+    [
+        {"translation": TRANSLATION, "rotation": ROTATION},
+        {"offsets": OFFSETS},
+        {"offsets": 10 * OFFSETS},  # cables that were homed anywhere
+    ],
 )
 def test_a_session_finds_each_cause(parts, tip_only):
     fit = fit_session(MODEL, data(change(**parts), tip_only=tip_only))

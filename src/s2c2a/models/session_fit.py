@@ -11,6 +11,7 @@ stretches that were not fitted, since a change can imitate a part of them.
 
 from dataclasses import replace
 from functools import partial
+from operator import itemgetter
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -176,22 +177,6 @@ def _judged(
     )
 
 
-class _Optimum(NamedTuple):
-    """Where Gauss-Newton ends.
-
-    Attributes:
-        numbers: of the change.
-        scales: of their prior.
-        precision: of numbers in these scales.
-        loss: negative logarithm of their probability, without constants.
-    """
-
-    numbers: Float[np.ndarray, " numbers"]
-    scales: Float[np.ndarray, " numbers"]
-    precision: Float[np.ndarray, "numbers numbers"]
-    loss: float
-
-
 class _Residuals:
     """Residuals of a model on a recording, and their derivatives by the change.
 
@@ -231,7 +216,7 @@ class _Residuals:
             inflation: variance of the noise over that of the residuals.
             duration: of errors over that of the residuals; the covariance counts it.
         """
-        numbers, scales, precision, _ = self._nearest(self._start, fitted, inflation)
+        _, numbers, scales, precision = self._nearest(self._start, fitted, inflation)
         # of an estimate whose samples tell less than it takes them for
         prior = np.eye(len(numbers))
         noise = prior + duration * (precision - prior)
@@ -244,17 +229,17 @@ class _Residuals:
         """Numbers to start from: of a frame or a homing that first changes alone."""
         seen = self._known[0]
         nothing = np.zeros_like(self._scales)
-        expected = np.asarray(self._predict(nothing), float)
+        expected = np.asarray(self._predict(jnp.asarray(nothing)), float)
         moved = register(expected[seen, POSITION], self._states[seen, POSITION])
         modules = seen.shape[-1]
         turned = replace(DayChange.none(modules), offsets=jnp.ones((modules, 2)))
         # bends by up to 1 rad and nothing else
         homing = np.maximum(ravel_pytree(turned)[0], np.finfo(float).tiny)
         everything = np.ones_like(self.seen_tip)
-        homed = self._nearest(nothing, everything, 1.0, homing)
-        starts = np.concatenate([*moved, nothing[6:]]), homed.numbers
+        _, homed, *_ = self._nearest(nothing, everything, 1.0, homing)
+        starts = np.concatenate([*moved, nothing[6:]]), homed
         fits = [self._nearest(start, everything, 1.0) for start in starts]
-        return min(fits, key=lambda fit: fit.loss).numbers
+        return min(fits, key=itemgetter(0))[1]
 
     def _nearest(
         self,
@@ -262,7 +247,7 @@ class _Residuals:
         fitted: Bool[np.ndarray, "episodes samples"],
         inflation: float,
         prior: Float[np.ndarray, " numbers"] | None = None,
-    ) -> _Optimum:
+    ) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
         """The optimum that is nearest to a start.
 
         Args:
@@ -270,6 +255,10 @@ class _Residuals:
             fitted: see `posterior`.
             inflation: see `posterior`.
             prior: scales that stay; by default those of days, or the change's own.
+
+        Returns:
+            Negative logarithm of its probability, without constants; its numbers; scales
+            of their prior; and the precision in these scales.
         """
         measured = [
             (module, part, seen)
@@ -294,7 +283,7 @@ class _Residuals:
                 power = (error**2).sum()
                 loss += weight * power * np.log(power / len(error)) / 2.0
             numbers = numbers + scales * np.linalg.solve(precision, gradient)
-        return _Optimum(numbers, scales, precision, float(loss))
+        return float(loss), numbers, scales, precision
 
     def _grown(self, numbers: Float[np.ndarray, " numbers"]) -> np.ndarray:
         """Scales of days, or of the change, whichever are larger, part by part."""
