@@ -120,7 +120,7 @@ def train(
     chosen = strategies.recipe_from(recipe)
     networks = strategies.train_networks(recording, chosen, strategy, seed, progress)
     strategies.save_networks(networks, out)
-    return _strategy(networks)
+    return strategies.strategy_of(_warned_of(networks))
 
 
 def load_strategy(
@@ -140,18 +140,16 @@ def load_strategy(
         StrategyError: no such file, damaged, trained for another arm, or it does not
             support an option.
     """
-    return _strategy(strategies.networks_from(file, arm), options)
+    networks = _warned_of(strategies.networks_from(file, arm))
+    return strategies.strategy_of(networks, options)
 
 
-def _strategy(
-    networks: strategies.TrainedNetworks,
-    options: RunOptions = RunOptions(),  # noqa: B008  # frozen
-) -> Driver:
-    """Build a strategy, and warn of a controller that errs much, as commands do."""
+def _warned_of(networks: strategies.TrainedNetworks) -> strategies.TrainedNetworks:
+    """Networks, after a warning of a controller that errs much, as commands print it."""
     for line in evaluation.describe_held_out_errors(networks):
         if line.startswith("warning: "):
             warnings.warn(line.removeprefix("warning: "), stacklevel=3)
-    return strategies.strategy_of(networks, options)
+    return networks
 
 
 def run(

@@ -356,13 +356,12 @@ def _describe_reach(found: "Projection", spec: "arm.ArmSpec", moves: bool) -> st
     if reached is None or not steps.any():
         return "all targets are within reach"
     missed = ~reached.within(spec.length)
-    times = (np.arange(len(steps)) + 1) / spec.control_rate
     by = f"{100 * reached.position_errors[missed].max():.2f} cm"
     if turn := np.rad2deg(reached.axis_errors[missed].max()):
         by += f" or {turn:.1f} deg"
     text = f"targets of {steps.sum()} of {len(steps)} steps are out of reach, by up to {by}"
     text += ", and moved to the nearest shapes" if moves else ""
-    text += f": {time_spans(steps, times.tolist())}"
+    text += f": {time_spans(steps, spec)}"
     depth = -100 * reached.clearances[missed].min()
     if round(depth, 1) > 0.0:
         text += (

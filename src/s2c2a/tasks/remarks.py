@@ -1,7 +1,6 @@
 """Remarks on a task before the arm moves: what is allowed, and seldom meant."""
 
-from collections.abc import Iterator, Sequence
-from itertools import groupby
+from collections.abc import Iterator
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -9,8 +8,8 @@ from jaxtyping import Bool, Float
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import listed
 from s2c2a.obstacles import CENTER, CORE, THRESHOLD, distances, is_half_space
-from s2c2a.planning import SIGNIFICANT, reach_gaps
 from s2c2a.tasks.task import Task
+from s2c2a.tasks.waypoints import Waypoints, unreachable_waypoints
 
 BEHIND = "z grows from the base toward the tip at rest, also on a hanging arm"
 
@@ -26,11 +25,20 @@ def remarks(task: Task, arm: ArmSpec, by_arcs: bool = True) -> Iterator[str]:
     """
     desired = task.desired_positions()
     times = (np.arange(len(desired)) + 1) / arm.control_rate
-    if by_arcs and task.foreseen:
-        for module in np.flatnonzero(np.isfinite(desired).any(axis=(0, 2))):
-            yield from _out_of_reach(desired[:, module], times, int(module), arm)
-    heights = desired[np.isfinite(desired[..., 2]), 2]
-    if len(heights) and (heights < 0.0).all():
+    is_given = np.isfinite(desired).all(axis=-1)
+    for module in np.flatnonzero(is_given.any(axis=0) & by_arcs & task.foreseen):
+        track = Waypoints(int(module), times, desired[:, module], None)
+        far = unreachable_waypoints([track], arm)
+        if far:
+            is_tip = module == arm.module_count - 1
+            end = "the tip" if is_tip else f"the end of module {module + 1}"
+            gap = 100.0 * max(point.gap for point in far)
+            spans = time_spans(np.isin(times, [point.time for point in far]), arm)
+            yield (
+                f"out of reach by up to {gap:.2f} cm, if modules bend as arcs: targets "
+                f"of {end} in {len(far)} of {len(times)} steps, at {spans}"
+            )
+    if is_given.any() and (desired[is_given][:, 2] < 0.0).all():
         yield f"all targets have z < 0, behind the base: {BEHIND}"
     if (hours := times[-1] / 3600.0) >= 1:
         yield (
@@ -41,57 +49,35 @@ def remarks(task: Task, arm: ArmSpec, by_arcs: bool = True) -> Iterator[str]:
         yield from _odd_obstacles(task.obstacles(), arm)
 
 
-def time_spans(is_wanted: Bool[np.ndarray, " steps"], times: Sequence[float]) -> str:
-    """Times as text, successive ones together, such as "3 to 12 s"."""
-    spans = []
-    for wanted, group in groupby(
-        zip(is_wanted, times, strict=True), lambda pair: pair[0]
-    ):
-        (_, first), *rest = group
-        if wanted:
-            spans.append(f"{first:g} to {rest[-1][1]:g}" if rest else f"{first:g}")
+def time_spans(is_wanted: Bool[np.ndarray, " steps"], arm: ArmSpec) -> str:
+    """Times after control steps as text, successive ones together: "3 to 12 s"."""
+    steps = np.flatnonzero(is_wanted)
+    parts = np.split(steps, np.flatnonzero(np.diff(steps) > 1) + 1)
+    ends = [(part[[0, -1]] + 1) / arm.control_rate for part in parts]
+    spans = [" to ".join(f"{time:g}" for time in np.unique(end)) for end in ends]
     return f"{listed(spans)} s"
-
-
-def _out_of_reach(
-    positions: Float[np.ndarray, "steps 3"],
-    times: Float[np.ndarray, " steps"],
-    module: int,
-    arm: ArmSpec,
-) -> Iterator[str]:
-    points, which = np.unique(positions, axis=0, return_inverse=True)
-    gaps = reach_gaps(arm, points, module)[which]  # NaN without a target
-    is_far = gaps > SIGNIFICANT * arm.length
-    if is_far.any():
-        is_tip = module == arm.module_count - 1
-        end = "the tip" if is_tip else f"the end of module {module + 1}"
-        yield (
-            f"out of reach by up to {100.0 * gaps[is_far].max():.2f} cm, if modules bend "
-            f"as arcs: targets of {end} in {is_far.sum()} of {len(times)} steps, at "
-            f"{time_spans(is_far, times.tolist())}"
-        )
 
 
 def _odd_obstacles(
     rows: Float[np.ndarray, "steps obstacles 12"], arm: ArmSpec
 ) -> Iterator[str]:
     """Obstacles that contain the tip at rest, and those beyond the arm or behind it."""
-    is_there = rows[..., THRESHOLD] > 0.0
+    # walls and tables are described wherever they are
+    are_solids = np.array([not is_half_space(row) for row in rows[0]])
+    # of what is absent, no comparison is true
+    thresholds = np.where(rows[..., THRESHOLD] > 0.0, rows[..., THRESHOLD], np.nan)
 
     def gaps(points: np.ndarray) -> Float[np.ndarray, "steps obstacles"]:
-        from_cores = distances(points, rows[..., CENTER], rows[..., CORE])
-        return np.where(is_there, from_cores - rows[..., THRESHOLD], np.nan)
+        return distances(points, rows[..., CENTER], rows[..., CORE]) - thresholds
 
     # from so far above, all points of an obstacle lie in one direction
-    tops = 1e9 - gaps(rows[..., CENTER] * [1.0, 1.0, 0.0] + [0.0, 0.0, 1e9])
-    far = (gaps(np.zeros(3)) > arm.length) | (tops < 0.0) | ~is_there
-    # walls and tables are described wherever they are
-    are_solids = [not is_half_space(row) for row in rows[0]]
-    far = far.all(axis=0) & is_there.any(axis=0) & are_solids
+    height = 1e9
+    above = rows[..., CENTER] * [1.0, 1.0, 0.0] + [0.0, 0.0, height]
+    is_near = (gaps(np.zeros(3)) <= arm.length) & (gaps(above) <= height)
+    far = ~is_near.any(axis=0) & are_solids
     within = gaps(np.array([0.0, 0.0, arm.length]))[0] < 0.0
-    texts = {f"beyond the arm's reach or behind its base: {BEHIND}": far}
-    texts["where the tip is at rest"] = within
-    for text, are in texts.items():
-        if are.any():
-            numbers = listed([str(number) for number in np.flatnonzero(are)])
-            yield f"obstacle {numbers} (counted from 0) is {text}"
+    for number in np.flatnonzero(far | within):
+        where = "where the tip is at rest"
+        if far[number]:
+            where = f"beyond the arm's reach or behind its base: {BEHIND}"
+        yield f"obstacle {number} (counted from 0) is {where}"
