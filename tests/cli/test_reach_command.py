@@ -1,6 +1,7 @@
 """`s2c2a reach`: what it says about targets and paths, its figure and its errors."""
 
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -9,7 +10,7 @@ from s2c2a.arm import randomized_arm
 from s2c2a.cli.main import main
 from s2c2a.cli.reach import arm_of
 from s2c2a.robots.simulation import SimulatedRobot
-from s2c2a.strategies.files import stated_errors
+from s2c2a.strategies import save_networks
 
 FIXTURES = Path(__file__).parents[1] / "fixtures"
 PATH = """time,x,y,z
@@ -126,10 +127,13 @@ def test_a_payload_in_grams_is_warned_of(seed, twin):
     assert "--known-payload are in kg, --payload-g is in g" in str(said[0].message)
 
 
-def test_the_arm_is_that_of_the_weights_unless_another_is_given():
-    weights = FIXTURES / "paper.safetensors"
-    (stated, _) = stated_errors(weights)
-    assert arm_of(None, weights) == stated
+def test_the_arm_is_that_of_the_weights_unless_another_is_given(
+    tiny_networks, twin, tmp_path
+):
+    weights = tmp_path / "other.safetensors"
+    other = randomized_arm(twin, 2, 1.0)
+    save_networks(replace(tiny_networks, arm=other), weights)
+    assert arm_of(None, weights) == other
     assert arm_of("spiral_arm", weights).name == "spiral_arm"
     assert {arm_of(None, each).name for each in (None, Path("shipped"))} == {"twin_arm"}
 
