@@ -31,8 +31,6 @@ Obstacles = Annotated[
     tyro.conf.arg(metavar="X Y Z R"),
 ]
 
-MOMENTS = 1000  # of a path at most: some seconds with trained networks, on two cores
-
 
 @beside("target", "axis", "module")
 @beside("weights", "payload_g")
@@ -136,6 +134,7 @@ def _path(csv: Path, arm: "ArmSpec") -> "Moments":
         TargetError: see `load_waypoints` and `waypoints_task`.
     """
     from s2c2a.tasks import load_waypoints, waypoints_task
+    from s2c2a.tasks.remarks import MOMENTS
 
     task = waypoints_task(csv.stem, load_waypoints(csv), arm)
     count = len(task.goals)

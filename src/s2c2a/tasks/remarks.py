@@ -11,6 +11,7 @@ from s2c2a.obstacles import CENTER, CORE, THRESHOLD, distances, is_half_space
 from s2c2a.tasks.task import Task
 from s2c2a.tasks.waypoints import Waypoints, unreachable_waypoints
 
+MOMENTS = 1000  # of a path at most: some seconds with trained networks, on two cores
 BEHIND = "z grows from the base toward the tip at rest, also on a hanging arm"
 
 
@@ -25,18 +26,22 @@ def remarks(task: Task, arm: ArmSpec, by_arcs: bool = True) -> Iterator[str]:
     """
     desired = task.desired_positions()
     times = (np.arange(len(desired)) + 1) / arm.control_rate
+    stride = -(-len(times) // MOMENTS)
     is_given = np.isfinite(desired).all(axis=-1)
     for module in np.flatnonzero(is_given.any(axis=0) & by_arcs & task.foreseen):
-        track = Waypoints(int(module), times, desired[:, module], None)
+        positions = desired[::stride, module]
+        track = Waypoints(int(module), times[::stride], positions, None)
         far = unreachable_waypoints([track], arm)
         if far:
             is_tip = module == arm.module_count - 1
             end = "the tip" if is_tip else f"the end of module {module + 1}"
             gap = 100.0 * max(point.gap for point in far)
-            spans = time_spans(np.isin(times, [point.time for point in far]), arm)
+            is_far = np.isin(track.times, [point.time for point in far])
+            is_far = is_far.repeat(stride)[: len(times)]
             yield (
                 f"out of reach by up to {gap:.2f} cm, if modules bend as arcs: targets "
-                f"of {end} in {len(far)} of {len(times)} steps, at {spans}"
+                f"of {end} in {is_far.sum()} of {len(times)} steps, at "
+                f"{time_spans(is_far, arm)}"
             )
     if is_given.any() and (desired[is_given][:, 2] < 0.0).all():
         yield f"all targets have z < 0, behind the base: {BEHIND}"
