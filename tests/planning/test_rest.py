@@ -16,7 +16,7 @@ from s2c2a.planning import BEST, Outcome
 from s2c2a.planning.motion import GoalMotion
 from s2c2a.planning.outcomes import STILL
 from s2c2a.planning.planner import Step
-from s2c2a.planning.rest import CALM, FALLEN, GROWTH, SHRINKING, Rest, gaps_of, rests
+from s2c2a.planning.rest import FALLEN, THERE, Rest, gaps_of, rests
 
 LIMIT = ArmGeometry.of(TWIN).step_limit
 SLOW = STILL * LIMIT
@@ -28,9 +28,8 @@ BENT = jnp.full((3, 2), 0.1)
 STRAIGHT = jnp.tile(jnp.array([0.0, 0.0, 1.0]), (3, 1))
 
 
-def step(rest, gaps, ahead, share=1.0):
-    """A step of which commands use a share."""
-    return rest.after(share * rest.step, ahead, gaps, BENT, TWIN, 1)
+def step(rest, gaps, ahead):
+    return rest.after(ahead, gaps, BENT, TWIN, 1)
 
 
 @pytest.fixture(scope="module")
@@ -44,9 +43,17 @@ def tip_gaps(values, from_arcs=0.0):
     return [none.at[0, -1, 0].set(value) for value in values]
 
 
-def over(after, rest, gaps, share=1.0):
+def over(after, rest, gaps):
     for gap in gaps:
-        rest = after(rest, gap, NEAR, share)
+        rest = after(rest, gap, NEAR)
+    return rest
+
+
+def windows(after, *gaps):
+    """After windows with the same gap each [m]."""
+    rest = Rest.none(TWIN)
+    for gap in gaps:
+        rest = over(after, rest, tip_gaps([gap] * WINDOW))
     return rest
 
 
@@ -73,40 +80,45 @@ def test_an_arm_follows_a_new_goal_from_the_first_step(distance):
     assert float(abs(moved.bends - planned.bends).max()) > 1.1 * slow
 
 
-def test_steps_that_help_grow_and_others_shrink_to_a_least_one(after):
-    rest = over(after, Rest.none(TWIN), tip_gaps([0.1] * WINDOW))
-    first = float(rest.step)
-    rest = over(after, rest, tip_gaps([0.05] * WINDOW))
-    assert float(rest.step) == pytest.approx(GROWTH * first)
-    rest = over(after, rest, tip_gaps([0.05] * WINDOW))
-    assert float(rest.step) == pytest.approx(SHRINKING * GROWTH * first)
-    rest = over(after, rest, tip_gaps([0.05] * (8 * WINDOW)))
-    assert float(rest.step) == pytest.approx(SHRINKING**4 * SLOW)
+def step_for(gap, trust=1.0):
+    return pytest.approx(trust * gap / (TWIN.length * WINDOW), rel=1e-4)
 
 
-def test_a_step_with_which_the_arm_swayed_is_not_taken_again(after):
-    sway = 2.0 * CALM * TWIN.length
-    rest = over(after, Rest.none(TWIN), tip_gaps([0.01] * WINDOW))
-    swayed = over(after, rest, tip_gaps([sway, -sway] * (WINDOW // 2)))
-    assert float(swayed.limit) == pytest.approx(SHRINKING * float(rest.step))
-    helped = over(after, swayed, tip_gaps([0.001] * WINDOW))
-    assert float(helped.step) == pytest.approx(float(swayed.limit))
+def test_steps_are_worth_the_gap_and_less_where_it_does_not_fall(after):
+    near = 2.0 * THERE * TWIN.length
+    assert float(windows(after, near).step) == step_for(near)
+    assert float(windows(after, near, near).step) == step_for(near, 0.5)
+    assert float(windows(after, near, near, 0.95 * near).step) == step_for(
+        0.95 * near, 0.25
+    )
+    less = 0.6 * near
+    assert float(windows(after, near, near, less).step) == step_for(less)
+    # at most as fast as before
+    assert float(windows(after, 0.5).step) == pytest.approx(SLOW)
 
 
-def test_steps_that_were_not_used_stay(after):
-    rest = over(after, Rest.none(TWIN), tip_gaps([0.01] * WINDOW), share=0.1)
-    # something else moves the arm
-    moved = over(after, rest, tip_gaps([0.01, 0.2] * (WINDOW // 2)), share=0.1)
-    assert float(moved.step) == float(rest.step)
-    assert float(moved.limit) == float(rest.limit)
+def test_an_arm_that_is_there_rests_until_its_gap_is_twice_as_large(after):
+    there = THERE * TWIN.length
+    resting = float(windows(after, 0.9 * there).step)
+    assert 0.0 < resting < 1e-3 * SLOW
+    assert float(windows(after, 0.9 * there, 1.9 * there).step) == pytest.approx(
+        resting
+    )
+    assert float(windows(after, 0.9 * there, 2.1 * there).step) == step_for(2.1 * there)
+
+
+def test_an_arm_that_was_pushed_is_trusted_anew(after):
+    pushed = windows(after, 0.01, 0.01, 0.01, 0.03)
+    assert float(pushed.trust) == 1.0
+    assert float(pushed.smallest) == pytest.approx(0.03)
 
 
 def test_an_arm_that_sees_nothing_becomes_slower(after):
-    rest = over(after, Rest.none(TWIN), tip_gaps([0.1] * WINDOW))
+    rest = windows(after, 0.004)
     nothing = jnp.full((2, 3, 3), jnp.nan)
     blind = over(after, rest, [nothing] * WINDOW)
-    assert float(blind.step) == pytest.approx(SHRINKING * float(rest.step))
-    assert float(blind.error) == pytest.approx(0.1)
+    assert float(blind.step) == pytest.approx(0.5 * float(rest.step))
+    assert float(blind.smallest) == pytest.approx(0.004)
 
 
 def test_a_plan_that_finds_no_rest_is_slow_after_two_horizons(after):

@@ -301,11 +301,11 @@ class Step(NamedTuple):
         if rest is not None:
             none = Rest.none(self.arm)
             # beside obstacles, an arm that starts at once swings into them
-            gain = none.limit * self.arm.control_period / START_TIME
+            gain = none.step * self.arm.control_period / START_TIME
             fastest = terms.largest_bend(jnp.diff(plan.solver.knots, axis=0)) / stride
             is_beside = (jnp.asarray(goal.thresholds) > 0.0).any()
-            started = jnp.where(is_beside, fastest + gain, none.limit)
-            none = none._replace(step=jnp.minimum(none.limit, started))
+            started = jnp.where(is_beside, fastest + gain, none.step)
+            none = none._replace(step=jnp.minimum(none.step, started))
             rest = select(rests(self._near(goal), plan.motion), rest, none)
         last = plan._replace(memory=memory, disturbances=disturbances, rest=rest)
         problem = self._begun(last, goal, lead)
@@ -319,12 +319,11 @@ class Step(NamedTuple):
         )
         judged = judge(planned, problem.situation, lengths)
         if rest is not None:
-            move = terms.largest_bend(planned.bends - problem.situation.last.bends)
             arcs = states_from_bends(planned.bends, lengths)[:, POSITION]
             ends = planned.states[:, POSITION]
             gaps = gaps_of(self.model, ends, seen, goal, arcs)
             ahead = terms.largest_bend(solver.knots[-1] - planned.bends)
-            rest = rest.after(move, ahead, gaps, planned.bends, self.arm, stride)
+            rest = rest.after(ahead, gaps, planned.bends, self.arm, stride)
             judged = jnp.where(rest.is_overloaded, Outcome.OVERLOADED, judged)
         # a target that stays in an obstacle is out of reach
         passes = motion.passes & (motion.step[self.arm.module_count - 1] != 0.0).any()

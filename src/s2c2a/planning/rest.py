@@ -3,9 +3,9 @@
 A plan follows what is estimated, and estimates follow the arm that the plan moves. With
 backlash, a load that the model does not know, or beyond what the arm can carry, the two
 can sway for ever. So commands to a goal that rests change slowly, which shakes neither the
-arm nor the trust in its sensors, and the more slowly, the less they help: an arm whose
-cables stand still dissipates. It is a trust region (Conn, Gould and Toint, Trust-Region
-Methods, 2000, ch. 6) whose function values are what sensors see in a window of time.
+arm nor the trust in its sensors: in a window of time by as much as the gap that sensors
+see is worth, and by less where that has not narrowed it. Where the gap is small, they do
+not change: friction makes an arm jump to and fro that is moved ever on.
 """
 
 from typing import Any, NamedTuple
@@ -22,17 +22,16 @@ from s2c2a.planning.motion import GoalMotion
 from s2c2a.planning.outcomes import STILL
 from s2c2a.planning.terms import Bends
 
-# chosen on held points of `twin_arm` and three randomized arms, under up to 150 g
-FALL = 0.1
-"""Of the error, or of the way that commands allowed: a smaller fall has not helped."""
+# chosen on held points of `twin_arm` and three randomized arms, under up to 100 g
+THERE = 0.003
+"""Of the arm's length: commands rest at a gap that is smaller, or all but twice as large."""
+FALL = 0.1  # of the smallest gap so far: a smaller fall has not helped
 CALM = 0.02  # of the arm's length: a window whose ends vary more has a sway
 # of the arm's length: an arm that is farther from its goal, and from where cables alone
 # would hold it, in two windows, is overloaded. Of 36 held points of three randomized arms
 # (0 to 150 g), toppled ones are beyond 0.42 of their goal, and others within 0.24, but for
 # one that cables alone would have held nearby
 FALLEN = 0.3
-GROWTH = 1.5  # of steps that have helped
-SHRINKING = 0.5  # of others: growth every other time leaves them shorter
 
 
 class Rest(NamedTuple):
@@ -40,10 +39,10 @@ class Rest(NamedTuple):
 
     Attributes:
         step: longest change of a module's bend in a control step [rad].
-        limit: of this step, shorter than any with which the arm swayed [rad].
+        trust: in commands: share of the gap that they may take; halved by each window
+            that has not narrowed the smallest gap.
         is_slow: whether the goal rests, and the plan has arrived or had its time.
-        error: of the last window: root mean square [m].
-        way: of commands in this window, as bends of the fastest module [rad].
+        smallest: gap in a window so far, since something has changed [m].
         gaps: sum of the gaps between ends and goal in this window [m].
         squares: sums of their squares, and of those of gaps from arcs [m2].
         judged: number of them.
@@ -53,10 +52,9 @@ class Rest(NamedTuple):
     """
 
     step: Float[Array, ""]
-    limit: Float[Array, ""]
+    trust: Float[Array, ""]
     is_slow: Bool[Array, ""]
-    error: Float[Array, ""]
-    way: Float[Array, ""]
+    smallest: Float[Array, ""]
     gaps: Float[Array, "modules 3"]
     squares: Float[Array, "2"]
     judged: Int[Array, ""]
@@ -69,9 +67,9 @@ class Rest(NamedTuple):
         """Of an arm that follows its goal."""
         limit = jnp.asarray(ArmGeometry.of(arm).step_limit, jnp.float32)
         gaps = jnp.zeros((arm.module_count, 3))
-        none, zero = jnp.zeros(()), jnp.zeros((), jnp.int32)
-        window = none, gaps, jnp.zeros(2), zero, zero
-        return cls(limit, limit, zero > 0, none + jnp.inf, *window, zero, gaps[:, :2])
+        one, zero = jnp.ones(()), jnp.zeros((), jnp.int32)
+        window = gaps, jnp.zeros(2), zero, zero
+        return cls(limit, one, zero > 0, one * jnp.inf, *window, zero, gaps[:, :2])
 
     @property
     def is_overloaded(self) -> Bool[Array, ""]:
@@ -80,7 +78,6 @@ class Rest(NamedTuple):
 
     def after(
         self,
-        move: Float[Array, ""],
         ahead: Float[Array, ""],
         gaps: Float[Array, "2 modules 3"],
         bends: Bends,
@@ -90,8 +87,7 @@ class Rest(NamedTuple):
         """After another control step to a goal that rests.
 
         Args:
-            move: of the commands: largest change of a module's bend [rad].
-            ahead: the same from here to the end of the horizon.
+            ahead: largest change of a module's bend to the end of the horizon [rad].
             gaps: between ends and goal, and between ends and those of arcs without a
                 load [m]; NaN if nothing was seen.
             bends: that are planned [rad].
@@ -99,7 +95,7 @@ class Rest(NamedTuple):
             stride: control steps between two moments of a preview.
         """
         none = Rest.none(arm)
-        slow = STILL * none.limit
+        slow = STILL * none.step
         is_judged = jnp.isfinite(gaps).all()
         seen = jnp.where(is_judged, gaps, 0.0)
         window = 2 * PREVIEW * stride  # longer than the slowest vibration
@@ -108,35 +104,36 @@ class Rest(NamedTuple):
         now = self._replace(
             step=jnp.where(is_slow & ~self.is_slow, slow, self.step),
             is_slow=is_slow,
-            way=self.way + move,
             gaps=self.gaps + seen[0],
             squares=self.squares + jnp.sum(seen**2, axis=(1, 2)),
             judged=self.judged + is_judged,
             steps=self.steps + 1,
         )
         squares = now.squares / now.judged
-        error = jnp.where(now.judged > 0, jnp.sqrt(squares[0]), self.error)
-        sway = squares[0] - jnp.sum((now.gaps / now.judged) ** 2)
-        is_calm = sway < (CALM * arm.length) ** 2
-        allowed = jnp.minimum(self.error, now.way * arm.length)
-        falls = error < self.error - FALL * allowed
-        is_used = now.way > SHRINKING * now.steps * now.step
-        # the least one follows an arm that creeps
-        shorter = jnp.maximum(SHRINKING * now.step, SHRINKING**4 * slow)
-        shorter = jnp.where(is_used, shorter, now.step)
-        sways = ~falls & is_used & ~is_calm & (now.judged > 0)
-        limit = jnp.where(sways, shorter, now.limit)
-        step = jnp.where(falls, jnp.minimum(GROWTH * now.step, limit), shorter)
+        gap = jnp.linalg.norm(now.gaps / now.judged)
+        is_calm = squares[0] - gap**2 < (CALM * arm.length) ** 2
+        gap = jnp.where(now.judged > 0, gap, self.smallest)
+        there = THERE * arm.length
+        # by more than its friction: it was pushed, creeps, or carries something else
+        is_new = gap > 2.0 * jnp.maximum(self.smallest, there)
+        is_new |= jnp.isinf(self.smallest)
+        narrows = gap < (1.0 - FALL) * self.smallest
+        trust = jnp.minimum(jnp.where(narrows, 2.0, 0.5) * self.trust, 1.0)
+        trust = jnp.where(is_new, 1.0, jnp.maximum(trust, STILL))
+        least = STILL**2 * slow
+        step = trust * gap / (arm.length * now.steps)
+        rested = (gap < there) | ((self.step < least) & ~is_new)
+        step = jnp.where(rested, STILL * least, jnp.clip(step, least, slow))
         lies = (squares > (FALLEN * arm.length) ** 2).all()
-        stays = self.is_overloaded & (error > CALM * arm.length)
+        stays = self.is_overloaded & ~(squares[0] <= (CALM * arm.length) ** 2)
         fallen = jnp.where(lies | stays, self.fallen + 1, 0)
         # it goes to rest, or to where it is calm before that
         calm = jnp.where(self.is_overloaded, self.calm, none.calm)
         later = none._replace(
             step=jnp.where(fallen > 1, slow, step),
-            limit=limit,
+            trust=trust,
             is_slow=is_slow,
-            error=error,
+            smallest=jnp.where(is_new, gap, jnp.minimum(self.smallest, gap)),
             fallen=fallen,
             calm=jnp.where(is_calm & ~lies, bends, calm),
         )
