@@ -157,7 +157,8 @@ def _closed_scene(
         target = lines[-1, -1]
         resting = np.append(lines[0], np.zeros((1, 3)), axis=0)
         spheres = around(target, arm, random)
-        gaps = np.linalg.norm(resting[:, None] - spheres[:, :3], axis=-1)
+        centers = spheres[:, :3]
+        gaps = np.linalg.norm(resting[:, None] - centers, axis=-1)
         if (gaps - spheres[:, 3]).min() > ROOM * arm.length:
             return target, spheres
 

@@ -119,6 +119,11 @@ def test_an_arm_that_sees_nothing_becomes_slower(after):
     blind = over(after, rest, [nothing] * WINDOW)
     assert float(blind.step) == pytest.approx(0.5 * float(rest.step))
     assert float(blind.smallest) == pytest.approx(0.004)
+    # from the first step on, until it sees
+    never = over(after, Rest.none(TWIN), [nothing] * (8 * WINDOW))
+    assert float(never.step) == pytest.approx(STILL * SLOW)
+    seeing = over(after, never, tip_gaps([0.01] * WINDOW))
+    assert float(seeing.step) == step_for(0.01)
 
 
 def test_a_plan_that_finds_no_rest_is_slow_after_two_horizons(after):

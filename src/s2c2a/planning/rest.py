@@ -116,14 +116,16 @@ class Rest(NamedTuple):
         there = THERE * arm.length
         # by more than its friction: it was pushed, creeps, or carries something else
         is_new = gap > 2.0 * jnp.maximum(self.smallest, there)
-        is_new |= jnp.isinf(self.smallest)
+        is_new |= jnp.isinf(self.smallest) & (now.judged > 0)
         narrows = gap < (1.0 - FALL) * self.smallest
         trust = jnp.minimum(jnp.where(narrows, 2.0, 0.5) * self.trust, 1.0)
         trust = jnp.where(is_new, 1.0, jnp.maximum(trust, STILL))
         least = STILL**2 * slow
         step = trust * gap / (arm.length * now.steps)
         rested = (gap < there) | ((self.step < least) & ~is_new)
-        step = jnp.where(rested, STILL * least, jnp.clip(step, least, slow))
+        # a gap that was never seen is taken for a wide one
+        fastest = jnp.where(now.judged > 0, slow, trust * slow)
+        step = jnp.where(rested, STILL * least, jnp.clip(step, least, fastest))
         lies = (squares > (FALLEN * arm.length) ** 2).all()
         stays = self.is_overloaded & ~(squares[0] <= (CALM * arm.length) ** 2)
         fallen = jnp.where(lies | stays, self.fallen + 1, 0)

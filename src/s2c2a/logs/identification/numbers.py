@@ -165,12 +165,16 @@ class Unknown:
     def value(self, coordinate: float) -> float:
         """Value at a coordinate."""
         change = self.kind.spread * coordinate
-        value = self.start * np.exp(change) if self.kind.ratio else self.start + change
+        value = self.start + change
+        if self.kind.ratio:
+            value = self.start * np.exp(change)
         return float(np.clip(value, self.kind.low, self.kind.high))
 
     def coordinate(self, value: float) -> float:
         """Coordinate of a value."""
-        change = np.log(value / self.start) if self.kind.ratio else value - self.start
+        change = value - self.start
+        if self.kind.ratio:
+            change = np.log(value / self.start)
         return float(change / self.kind.spread)
 
     def slope(self, coordinate: float) -> float:
