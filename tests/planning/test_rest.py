@@ -29,7 +29,7 @@ STRAIGHT = jnp.tile(jnp.array([0.0, 0.0, 1.0]), (3, 1))
 
 
 def step(rest, gaps, ahead):
-    return rest.after(ahead, gaps, BENT, TWIN, 1)
+    return rest.after(ahead, gaps, BENT, jnp.asarray(TWIN.length), TWIN, 1)
 
 
 @pytest.fixture(scope="module")
@@ -95,6 +95,19 @@ def test_steps_are_worth_the_gap_and_less_where_it_does_not_fall(after):
     assert float(windows(after, near, near, less).step) == step_for(less)
     # at most as fast as before
     assert float(windows(after, 0.5).step) == pytest.approx(SLOW)
+
+
+@pytest.mark.parametrize("module", [0, 2])
+def test_steps_are_worth_the_gap_at_the_farthest_end_with_a_goal(module):
+    next_plan = jax.jit(STEP.next_plan)
+    lengths = np.cumsum(ArmGeometry.of(TWIN).lengths)
+    planned = STEP.started(STRAIGHT)
+    goal = Goal.of(3).with_position([0.01, 0.0, lengths[module]], module=module)
+    seen = goal.positions + np.float32([0.0, 0.004, 0.0])
+    for _ in range(WINDOW):
+        planned = next_plan(planned, STRAIGHT, goal, seen=seen)
+    expected = 0.004 / (lengths[module] * WINDOW)
+    assert float(planned.rest.step) == pytest.approx(expected, rel=1e-4)
 
 
 def test_an_arm_that_is_there_rests_until_its_gap_is_twice_as_large(after):

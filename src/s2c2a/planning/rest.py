@@ -81,6 +81,7 @@ class Rest(NamedTuple):
         ahead: Float[Array, ""],
         gaps: Float[Array, "2 modules 3"],
         bends: Bends,
+        reach: Float[Array, ""],
         arm: ArmSpec,
         stride: int,
     ) -> "Rest":
@@ -91,6 +92,7 @@ class Rest(NamedTuple):
             gaps: between ends and goal, and between ends and those of arcs without a
                 load [m]; NaN if nothing was seen.
             bends: that are planned [rad].
+            reach: of a straight arm, to the farthest end with a goal [m].
             arm: its limits hold.
             stride: control steps between two moments of a preview.
         """
@@ -121,7 +123,7 @@ class Rest(NamedTuple):
         trust = jnp.minimum(jnp.where(narrows, 2.0, 0.5) * self.trust, 1.0)
         trust = jnp.where(is_new, 1.0, jnp.maximum(trust, STILL))
         least = STILL**2 * slow
-        step = trust * gap / (arm.length * now.steps)
+        step = trust * gap / (reach * now.steps)
         rested = (gap < there) | ((self.step < least) & ~is_new)
         # a gap that was never seen is taken for a wide one
         fastest = jnp.where(now.judged > 0, slow, trust * slow)

@@ -97,7 +97,8 @@ class FaultGrammar:
         return sorted(faults, key=lambda fault: fault.time)
 
     def _parse(self, text: str, targets: Sequence[str]) -> Fault:
-        time, kind, *words = text.split() if len(text.split()) > 1 else ("", "")
+        parts = text.split()
+        time, kind, *words = parts if len(parts) > 1 else ("", "")
         after_torque = self.has_torque and time.startswith(AFTER_TORQUE)
         if after_torque:
             time = time.removeprefix(AFTER_TORQUE)
