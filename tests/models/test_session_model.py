@@ -127,6 +127,19 @@ def test_a_tracking_that_was_put_up_anew_is_found_from_positions_of_the_tip(nois
         assert (error < 4.0 * getattr(fit.posterior.std, name)).all()
 
 
+@pytest.mark.parametrize("seed", range(2))
+def test_axes_do_not_stand_for_a_tracking_that_moved_when_cables_were_homed(seed):
+    random = np.random.default_rng(seed)
+    moved = change(
+        translation=random.uniform(-0.3, 0.3, 3),
+        rotation=random.uniform(-0.5, 0.5, 3),
+        offsets=random.uniform(-0.5, 0.5, (3, 2)),
+    )
+    fit = fit_session(MODEL, data(moved, 2e-3, tip_only=True))
+    assert fit.improves
+    assert fit.after < 0.1 * fit.before
+
+
 @pytest.mark.slow
 def test_axes_alone_tell_of_ends_whose_positions_are_unknown():
     seen = data(change(offsets=OFFSETS))

@@ -73,7 +73,8 @@ def with_options(strategy: str, values: dict[str, Value]) -> str:
     for place, value in values.items():
         if place.startswith(STRATEGY):
             options[place.removeprefix(STRATEGY)] = value
-    return ",".join([name, *(f"{key}={value}" for key, value in options.items())])
+    settings = [f"{key}={value}" for key, value in options.items()]
+    return ",".join([name, *settings])
 
 
 def _children(value: Any) -> dict[str, Any]:

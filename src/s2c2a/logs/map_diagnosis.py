@@ -151,7 +151,8 @@ def _fit_freely(
     is_middle = np.abs(place % 1 - 0.5) < 0.25
     is_fitted = rows.stretches % 2 == 0
     places = rows.ends[..., POSITION]
-    motions = [rms_motion(places[:, [end]]) for end in range(len(log_map.ends))]
+    numbers = range(len(log_map.ends))
+    motions = [rms_motion(places[:, [number]]) for number in numbers]
     order = np.argsort(motions)
     # the map without statements; ends in the order of their motion
     free = {"angle_deg": None, "module": None, "positive": "unknown"}

@@ -257,8 +257,8 @@ class _Residuals:
             prior: scales that stay; by default those of days, or the change's own.
 
         Returns:
-            Negative logarithm of its probability, without constants; its numbers; scales
-            of their prior; and the precision in these scales.
+            Negative logarithm of its probability by positions of the tip alone, without
+            constants; its numbers; scales of their prior; and the precision in these scales.
         """
         measured = [
             (module, part, seen)
@@ -274,14 +274,17 @@ class _Residuals:
             precision = np.eye(len(numbers))
             gradient = -numbers / scales
             loss = np.log(scales).sum() + gradient @ gradient / 2.0
+            # axes can be fitted at the cost of positions, and errors that last longer
+            # count for fewer samples
+            places = errors[self.seen_tip, -1, POSITION]
+            size = np.linalg.norm(places) or np.finfo(float).tiny
+            loss += places.size / GAP * np.log(size)
             for module, part, seen in measured:
                 error = errors[..., module, part][seen].astype(float)
                 slope = slopes[..., module, part, :][seen].astype(float)
                 weight = _weight(error) / (inflation * len(measured))
                 precision += weight * np.einsum("tki,tkj->ij", slope, slope)
                 gradient += weight * np.einsum("tki,tk->i", slope, error)
-                power = (error**2).sum()
-                loss += weight * power * np.log(power / len(error)) / 2.0
             numbers = numbers + scales * np.linalg.solve(precision, gradient)
         return float(loss), numbers, scales, precision
 

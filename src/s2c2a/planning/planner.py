@@ -323,8 +323,7 @@ class Step(NamedTuple):
             ends = planned.states[:, POSITION]
             gaps = gaps_of(self.model, ends, seen, goal, arcs)
             ahead = terms.largest_bend(solver.knots[-1] - planned.bends)
-            wanted = jnp.asarray(goal.position_weights) > 0.0
-            reach = jnp.where(wanted, np.cumsum(lengths), 0.0).max()
+            reach = jnp.max((goal.position_weights > 0.0) * np.cumsum(lengths))
             rest = rest.after(ahead, gaps, planned.bends, reach, self.arm, stride)
             judged = jnp.where(rest.is_overloaded, Outcome.OVERLOADED, judged)
         # a target that stays in an obstacle is out of reach

@@ -380,7 +380,8 @@ class BringUp:
             goals[place] += np.clip(target - goals[place], -MAX_LEAD, MAX_LEAD)
         wanted = winches.positions(goals)
         places = {id: self._places[id] for id in targets}
-        self._bus.send_goals({id: int(wanted[place]) for id, place in places.items()})
+        ticks = {id: int(wanted[place]) for id, place in places.items()}
+        self._bus.send_goals(ticks)
 
     def _states(self, ids: list[int]) -> dict[int, ServoState]:
         EMERGENCY_STOP.check()
