@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from s2c2a.arm import load_arm
 from s2c2a.arm.geometry import cable_matrix
 from s2c2a.models.statics import (
     AXIAL_COMPLIANCE_UNIT,
@@ -33,6 +34,15 @@ def equilibrium(give=NO_GIVE, coupling=(0.0, 0.0)) -> Equilibrium:
         jnp.array(coupling),
         jnp.zeros((2, 1)),
     )
+
+
+def test_a_training_starts_from_the_arm_file_where_cables_yield():
+    twin = load_arm("twin_arm")
+    stiff = twin.modules[2].cable.model_copy(update={"stiffness": 1e5})
+    last = twin.modules[2].model_copy(update={"cable": stiff})
+    arm = twin.model_copy(update={"modules": (*twin.modules[:2], last)})
+    kappa = np.exp(Equilibrium.untrained(arm, 1).log_stiffness)
+    np.testing.assert_allclose(kappa, [4.0, 3.5, 4.0], rtol=1e-3)
 
 
 def rest(model: Equilibrium, sweeps=60, carried=CARRIED, engaged=False) -> StaticState:

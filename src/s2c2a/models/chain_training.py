@@ -123,7 +123,7 @@ class ChainOptions(ForwardOptions):
         return ChainC2S(
             Trunk.of(arm),
             hysteresis,
-            Equilibrium.untrained(modules, len(self.creep_times)),
+            Equilibrium.untrained(arm, len(self.creep_times)),
             jnp.eye(2 * modules),
             network,
             statics,

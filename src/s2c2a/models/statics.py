@@ -26,6 +26,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.arm.geometry import per_module
 from s2c2a.models.cables import Viscoelasticity
 
 Bends = Float[Array, "*batch modules 2"]
@@ -33,8 +35,10 @@ NEWTON_ITERATIONS = 6  # the energy is convex and piecewise quadratic
 WARM_ITERATIONS = 2  # from bends near the equilibrium
 # line search; with five cables and more, full Newton steps can cycle
 STEP_LENGTHS = (1.0, 0.6, 0.35, 0.2)
+INITIAL_STIFFNESS = 4.0
+"""Largest kappa before the training: the stiffness of cables that hardly yield is seldom
+known, and a start from 67 costs 40 % of accuracy on a recorded trunk."""
 SWEEPS = 2  # of the fixed-point iteration between modules, for the same moments
-INITIAL_STIFFNESS = 4.0  # kappa
 INITIAL_AXIAL_COMPLIANCE = 0.1  # shortening over cable radius, for a pull of one
 # of the logarithm of the shortening: on some arms it is a hundred times smaller, and
 # training has to reach that
@@ -96,17 +100,16 @@ class Equilibrium(eqx.Module):
     relaxation: Viscoelasticity
 
     @classmethod
-    def untrained(cls, modules: int, times: int) -> "Equilibrium":
+    def untrained(cls, arm: ArmSpec, times: int) -> "Equilibrium":
         """Initial parameters: modules shorten, with no other coupling and no creep."""
-        return cls(
-            log_stiffness=jnp.full(modules, np.log(INITIAL_STIFFNESS)),
-            tautness=jnp.zeros(modules),
-            log_axial_compliance=jnp.full(
-                modules, np.log(INITIAL_AXIAL_COMPLIANCE) / AXIAL_COMPLIANCE_UNIT
-            ),
-            coupling=jnp.zeros(modules),
-            relaxation=Viscoelasticity.none(modules, times, 1),
-        )
+        geometry = ArmGeometry.of(arm)
+        springs = per_module(arm, "cable.stiffness") * geometry.cable_radii**2
+        kappa = springs * geometry.lengths / per_module(arm, "bending_stiffness")
+        log_stiffness = jnp.log(jnp.minimum(kappa, INITIAL_STIFFNESS))
+        axial = np.log(INITIAL_AXIAL_COMPLIANCE) / AXIAL_COMPLIANCE_UNIT
+        none = jnp.zeros(arm.module_count)
+        relaxation = Viscoelasticity.none(arm.module_count, times, 1)
+        return cls(log_stiffness, none, none + axial, none, relaxation)
 
     def sweep(
         self,
