@@ -95,11 +95,6 @@ def test_a_map_is_drawn(what, path, tmp_path, capsys):
         ("--target 0 0 0.5 --csv path.csv", "both were given"),
         ("--csv missing.csv", "no waypoints at missing.csv"),
         ("--target 200 100 500", "write positions in meters"),
-        (
-            "--target 0.1 0.05",
-            "--target takes the numbers X Y Z, and '0.1 0.05'",
-        ),
-        ("--target 0 0 0.5 --obstacle 0 -1 2", "takes the numbers X Y Z R, and"),
         ("--target nan 0 0.5", "three finite numbers"),
         ("--target 0 0 0.5 --axis 0 0 0", "the target axis is zero"),
         ("--target 0 0 0.5 --module 4", "'twin_arm' has 3, from 1"),

@@ -28,8 +28,11 @@ BENT = jnp.full((3, 2), 0.1)
 STRAIGHT = jnp.tile(jnp.array([0.0, 0.0, 1.0]), (3, 1))
 
 
-def step(rest, gaps, ahead):
-    return rest.after(ahead, gaps, BENT, jnp.asarray(TWIN.length), TWIN, 1)
+TIP = Goal.of(3).with_position([0.0, 0.0, 0.5])
+
+
+def step(rest, gaps, ahead, goal=TIP):
+    return rest.after(ahead, gaps, BENT, goal, TWIN, 1)
 
 
 @pytest.fixture(scope="module")
@@ -118,6 +121,13 @@ def test_an_arm_that_is_there_rests_until_its_gap_is_twice_as_large(after):
         resting
     )
     assert float(windows(after, 0.9 * there, 2.1 * there).step) == step_for(2.1 * there)
+
+
+def test_an_arm_with_a_desired_direction_does_not_rest(after):
+    rest, turned = Rest.none(TWIN), TIP.with_axis([0.6, 0.0, 0.8])
+    for gap in tip_gaps([0.0] * WINDOW):
+        rest = after(rest, gap, NEAR, turned)
+    assert float(rest.step) == pytest.approx(STILL**2 * SLOW)
 
 
 def test_an_arm_that_was_pushed_is_trusted_anew(after):

@@ -10,7 +10,6 @@ import sys
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout, suppress
-from itertools import takewhile
 
 from tyro.extras import SubcommandApp
 
@@ -39,8 +38,6 @@ NUMBER = rf"({OPTION}) (INT|FLOAT)\b"
 RANGES = {"INT": (int, 0, MAX_SEED), "FLOAT": (float, -LARGEST, LARGEST)}
 CHOICES = rf"({OPTION}) {{([^}}\n]*)}}\s"
 """An option of a help text that has a closed list of values, and these."""
-VECTOR = rf"({OPTION}) (X Y Z(?: R)?)\s"
-"""An option of a help text that takes several numbers, and their letters."""
 TRUST = "--trust"
 RESUME_HINTS = {
     "collect": "; finished episodes are kept, and `collect` goes on with --resume",
@@ -240,15 +237,6 @@ def _check_options(given: Sequence[str]) -> None:
             raise S2C2AError(
                 f"{name} {value} is out of range; give a number from {low:.0f} to {high:.0f}"
             )
-    for name, letters in re.findall(VECTOR, help_text):
-        for place, word in enumerate(words):
-            rest = takewhile(lambda each: not each.startswith("--"), words[place + 1 :])
-            values = list(rest)
-            if word == name and len(values) < len(letters.split()):
-                raise S2C2AError(
-                    f"{name} takes the numbers {letters}, and "
-                    f"'{' '.join(values)}' was given; {advice}"
-                )
 
 
 def help_of(command: Sequence[str]) -> str:

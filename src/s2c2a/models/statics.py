@@ -105,11 +105,16 @@ class Equilibrium(eqx.Module):
         geometry = ArmGeometry.of(arm)
         springs = per_module(arm, "cable.stiffness") * geometry.cable_radii**2
         kappa = springs * geometry.lengths / per_module(arm, "bending_stiffness")
-        log_stiffness = jnp.log(jnp.minimum(kappa, INITIAL_STIFFNESS))
-        axial = np.log(INITIAL_AXIAL_COMPLIANCE) / AXIAL_COMPLIANCE_UNIT
-        none = jnp.zeros(arm.module_count)
-        relaxation = Viscoelasticity.none(arm.module_count, times, 1)
-        return cls(log_stiffness, none, none + axial, none, relaxation)
+        modules = arm.module_count
+        return cls(
+            log_stiffness=jnp.log(jnp.minimum(kappa, INITIAL_STIFFNESS)),
+            tautness=jnp.zeros(modules),
+            log_axial_compliance=jnp.full(
+                modules, np.log(INITIAL_AXIAL_COMPLIANCE) / AXIAL_COMPLIANCE_UNIT
+            ),
+            coupling=jnp.zeros(modules),
+            relaxation=Viscoelasticity.none(modules, times, 1),
+        )
 
     def sweep(
         self,

@@ -81,7 +81,7 @@ class Rest(NamedTuple):
         ahead: Float[Array, ""],
         gaps: Float[Array, "2 modules 3"],
         bends: Bends,
-        reach: Float[Array, ""],
+        goal: Goal,
         arm: ArmSpec,
         stride: int,
     ) -> "Rest":
@@ -92,7 +92,8 @@ class Rest(NamedTuple):
             gaps: between ends and goal, and between ends and those of arcs without a
                 load [m]; NaN if nothing was seen.
             bends: that are planned [rad].
-            reach: of a straight arm, to the farthest end with a goal [m].
+            goal: that rests; a straight arm to the farthest end with a goal is the lever
+                of steps, and they go on where a direction is desired, which is not seen.
             arm: its limits hold.
             stride: control steps between two moments of a preview.
         """
@@ -123,8 +124,11 @@ class Rest(NamedTuple):
         trust = jnp.minimum(jnp.where(narrows, 2.0, 0.5) * self.trust, 1.0)
         trust = jnp.where(is_new, 1.0, jnp.maximum(trust, STILL))
         least = STILL**2 * slow
+        reaches = np.cumsum(ArmGeometry.of(arm).lengths)
+        reach = jnp.max((goal.position_weights > 0.0) * reaches)
         step = trust * gap / (reach * now.steps)
         rested = (gap < there) | ((self.step < least) & ~is_new)
+        rested &= ~(jnp.asarray(goal.axis_weights) > 0.0).any()
         # a gap that was never seen is taken for a wide one
         fastest = jnp.where(now.judged > 0, slow, trust * slow)
         step = jnp.where(rested, STILL * least, jnp.clip(step, least, fastest))
