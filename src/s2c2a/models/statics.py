@@ -37,7 +37,7 @@ WARM_ITERATIONS = 2  # from bends near the equilibrium
 STEP_LENGTHS = (1.0, 0.6, 0.35, 0.2)
 INITIAL_STIFFNESS = 4.0
 """Largest kappa before the training: the stiffness of cables that hardly yield is seldom
-known, and a start from 67 costs 40 % of accuracy on a recorded trunk."""
+known, and a start from 34 to 45 costs 40 % of accuracy on a recorded trunk."""
 SWEEPS = 2  # of the fixed-point iteration between modules, for the same moments
 INITIAL_AXIAL_COMPLIANCE = 0.1  # shortening over cable radius, for a pull of one
 # of the logarithm of the shortening: on some arms it is a hundred times smaller, and

@@ -40,8 +40,7 @@ def remarks(task: Task, arm: ArmSpec, by_arcs: bool = True) -> Iterator[str]:
             is_far = is_far.repeat(stride)[: len(times)]
             yield (
                 f"out of reach by up to {gap:.2f} cm, if modules bend as arcs: targets "
-                f"of {end} in {is_far.sum()} of {len(times)} steps, at "
-                f"{time_spans(is_far, arm)}"
+                f"of {end} at {time_spans(is_far, arm)}"
             )
     if is_given.any() and (desired[is_given][:, 2] < 0.0).all():
         yield f"all targets have z < 0, behind the base: {BEHIND}"
