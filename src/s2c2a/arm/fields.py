@@ -50,9 +50,14 @@ class Quantity:
         return between(0, self.high, self.unit, meaning, default)
 
 
+def optional(meaning: str, default: Any = None, **limits: Any) -> Any:
+    """Declare a key that a file may leave out."""
+    return Field(default, description=meaning, **limits)
+
+
 def absent(meaning: str) -> Any:
     """Declare a number that is zero unless the file states it."""
-    return Field(0.0, description=meaning)
+    return optional(meaning, 0.0)
 
 
 LENGTH = Quantity("m", 0.0005, 2)

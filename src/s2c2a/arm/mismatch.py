@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from s2c2a.arm.fields import (
     ERROR,
@@ -14,6 +14,7 @@ from s2c2a.arm.fields import (
     Within,
     absent,
     between,
+    optional,
 )
 
 RELAXATION_TIMES = (2.0, 20.0)  # s
@@ -60,12 +61,11 @@ class Mismatch(Frozen):
         ),
         0.0,
     )
-    relaxing: tuple[Number, Number] = Field(
-        default=(0.0, 0.0),
-        description="shares of the stiffness that relax, with a sum below 1 [1]",
+    relaxing: tuple[Number, Number] = optional(
+        "shares of the stiffness that relax, with a sum below 1 [1]", (0.0, 0.0)
     )
-    relaxation_times: tuple[Free, Free] = Field(
-        default=RELAXATION_TIMES, description="time constants of the two shares [s]"
+    relaxation_times: tuple[Free, Free] = optional(
+        "time constants of the two shares [s]", RELAXATION_TIMES
     )
     axial_stiffness: Number | None = between(
         10,

@@ -5,7 +5,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from s2c2a.arm.fields import Free, Frozen, Number, between
+from s2c2a.arm.fields import Free, Frozen, Number, between, optional
 
 RESERVED_NAMES = {
     "accelerations",
@@ -63,8 +63,8 @@ class Camera(Frozen):
     delay: Number = between(0, MAX_DELAY, "s", "age of an image when it is read", 0.15)
     lost: Number = between(0, 0.99, "1", "share of lost images", 0.1)
     noise: Number = between(0, 0.1, "m", "standard deviation of a position", 0.001)
-    sees: Literal["tip", "ends"] = Field(
-        default="tip", description="visible module ends: the last one, or all"
+    sees: Literal["tip", "ends"] = optional(
+        "visible module ends: the last one, or all", "tip"
     )
 
 
@@ -76,15 +76,13 @@ class Flex(Frozen):
     in a soft arm.
     """
 
-    angles_deg: tuple[Free, ...] = Field(
-        default=(0.0, 120.0, 240.0),
+    angles_deg: tuple[Free, ...] = optional(
+        "angles of the strips around every module, from x to y [deg]",
+        (0.0, 120.0, 240.0),
         min_length=1,
         max_length=12,
-        description="angles of the strips around every module, from x to y [deg]",
     )
-    strips: int = Field(
-        default=0, ge=0, le=2**31, description="seed of the strips' own errors"
-    )
+    strips: int = optional("seed of the strips' own errors", 0, ge=0, le=2**31)
     gain_error: Number = between(
         0, 1, "1", "standard deviation of the gain between strips", 0.2
     )
@@ -121,9 +119,8 @@ class Raw(Frozen):
     shape: tuple[Annotated[int, Field(ge=1, le=MAX_NUMBERS)], ...] = Field(
         min_length=1, max_length=4, description="shape of one reading"
     )
-    model: str = Field(
-        default="",
-        description="class with a formula, file.py:Class; learned from data if empty",
+    model: str = optional(
+        "class with a formula, file.py:Class; learned from data if empty", ""
     )
 
     @model_validator(mode="after")
@@ -144,22 +141,13 @@ class Sensors(Frozen):
 
     omitted_defaults: ClassVar[frozenset[str]] = frozenset(("raw",))
 
-    bends: bool = Field(
-        default=False,
-        description="whether true configurations are measured without delay",
+    bends: bool = optional(
+        "whether true configurations are measured without delay", False
     )
-    imu: Inertial | None = Field(
-        default=None, description="inertial sensors at module ends"
-    )
-    camera: Camera | None = Field(
-        default=None, description="camera or motion capture of module ends"
-    )
-    flex: Flex | None = Field(
-        default=None, description="flex sensors along the modules"
-    )
-    raw: tuple[Raw, ...] = Field(
-        default=(), description="additional sensors of a robot"
-    )
+    imu: Inertial | None = optional("inertial sensors at module ends")
+    camera: Camera | None = optional("camera or motion capture of module ends")
+    flex: Flex | None = optional("flex sensors along the modules")
+    raw: tuple[Raw, ...] = optional("additional sensors of a robot", ())
 
     @model_validator(mode="after")
     def _validate(self):

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from s2c2a.arm.fields import LENGTH, LOST_MOTION, Frozen, Number, between
+from s2c2a.arm.fields import LENGTH, LOST_MOTION, Frozen, Number, between, optional
 
 if TYPE_CHECKING:
     from s2c2a.arm.spec import ArmSpec
@@ -113,9 +113,8 @@ class OwnModel(Frozen):
     torque_constant: TorqueConstant = Field(
         description="stall torque over stall current [N m/A]"
     )
-    current_unit: Current | None = Field(
-        default=None,
-        description="unit of currents [A]; default: the servos measure no current",
+    current_unit: Current | None = optional(
+        "unit of currents [A]; default: the servos measure no current"
     )
     registers: OwnRegisters = OwnRegisters()
 
@@ -131,24 +130,16 @@ class ServoGroup(Frozen):
         description="these servos, of servos.ids; ids differ on all ports",
         json_schema_extra={"allowed": "whole numbers, 0 to 252"},
     )
-    model: str | None = Field(
-        default=None, pattern=MODEL_NAME, description="model of the servos"
+    model: str | None = optional("model of the servos", pattern=MODEL_NAME)
+    own_model: OwnModel | None = optional("facts of a model with another name")
+    port: str | None = optional("serial port")
+    baud_rate: BaudRate | None = optional("speed of that port [bit/s]")
+    torque_constant: TorqueConstant | None = optional("torque per current [N m/A]")
+    home_current: Current | None = optional(
+        "current that takes up the slack of a cable [A]"
     )
-    own_model: OwnModel | None = Field(
-        default=None, description="facts of a model with another name"
-    )
-    port: str | None = Field(default=None, description="serial port")
-    baud_rate: BaudRate | None = Field(
-        default=None, description="speed of that port [bit/s]"
-    )
-    torque_constant: TorqueConstant | None = Field(
-        default=None, description="torque per current [N m/A]"
-    )
-    home_current: Current | None = Field(
-        default=None, description="current that takes up the slack of a cable [A]"
-    )
-    limits: ServoLimits | None = Field(
-        default=None, description="limits; keys left out are those of `[servos.limits]`"
+    limits: ServoLimits | None = optional(
+        "limits; keys left out are those of `[servos.limits]`"
     )
 
 
@@ -164,37 +155,27 @@ class Servos(Frozen):
         ("limits", "own_model", "groups")
     )
 
-    protocol: Literal["dynamixel", "feetech"] = Field(
-        default="dynamixel", description="protocol of the bus"
+    protocol: Literal["dynamixel", "feetech"] = optional(
+        "protocol of the bus", "dynamixel"
     )
-    model: str = Field(
-        default="xl330-m288",
+    model: str = optional(
+        f"model of the servos; dynamixel: {', '.join(MODEL_NUMBERS['dynamixel'])}; "
+        "feetech: sts3215 (default), sts3215-12v",
+        "xl330-m288",
         pattern=MODEL_NAME,
-        description=(
-            f"model of the servos; dynamixel: {', '.join(MODEL_NUMBERS['dynamixel'])}; "
-            "feetech: sts3215 (default), sts3215-12v"
-        ),
     )
-    own_model: OwnModel | None = Field(
-        default=None, description="facts of a model with another name"
+    own_model: OwnModel | None = optional("facts of a model with another name")
+    port: str = optional(
+        "serial port, such as /dev/ttyUSB0; empty: an option names it", ""
     )
-    port: str = Field(
-        default="",
-        description="serial port, such as /dev/ttyUSB0; empty: an option names it",
-    )
-    baud_rate: BaudRate = Field(
-        default=1_000_000, description="speed of the bus [bit/s]"
-    )
+    baud_rate: BaudRate = optional("speed of the bus [bit/s]", 1_000_000)
     ids: tuple[tuple[ServoId, ...], ...] = Field(
         description="servo of every cable, one row a module",
         json_schema_extra={"allowed": "rows of whole numbers, 0 to 252"},
     )
-    directions: tuple[tuple[TurningDirection, ...], ...] | None = Field(
-        default=None,
-        description=(
-            "1 where a growing servo position pays the cable out, -1 where it winds "
-            "it in, one row a module; default: all 1"
-        ),
+    directions: tuple[tuple[TurningDirection, ...], ...] | None = optional(
+        "1 where a growing servo position pays the cable out, -1 where it winds "
+        "it in, one row a module; default: all 1",
         json_schema_extra={"allowed": "rows of 1 and -1"},
     )
     torque_constant: Number | None = between(
@@ -209,16 +190,14 @@ class Servos(Frozen):
     watchdog: Number = between(
         0.04, 2.5, "s", "time without a command after which a servo stops", 0.4
     )
-    on_exit: Literal["hold", "release"] = Field(
-        default="release", description="torque after the arm is closed at rest"
+    on_exit: Literal["hold", "release"] = optional(
+        "torque after the arm is closed at rest", "release"
     )
-    on_emergency: Literal["hold", "release"] = Field(
-        default="release", description="torque after an emergency stop"
+    on_emergency: Literal["hold", "release"] = optional(
+        "torque after an emergency stop", "release"
     )
     limits: ServoLimits = ServoLimits()
-    groups: tuple[ServoGroup, ...] = Field(
-        default=(), description="servos that differ from the others"
-    )
+    groups: tuple[ServoGroup, ...] = optional("servos that differ from the others", ())
 
     @model_validator(mode="before")
     @classmethod

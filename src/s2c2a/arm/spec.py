@@ -25,6 +25,7 @@ from s2c2a.arm.fields import (
     absent,
     between,
     largest_gap_deg,
+    optional,
 )
 from s2c2a.arm.mismatch import Mismatch
 from s2c2a.arm.sensors import Sensors
@@ -308,39 +309,30 @@ class ArmSpec(Frozen):
     name: str = Field(
         pattern=NAME, description="name in tables, figures and file names"
     )
-    description: str = Field("", description="one line of description")
+    description: str = optional("one line of description", "")
     actuation: Literal["displacement", "tension", "pressure"] = Field(
         description=(
             "unit of commands: cable displacement [m], cable tension [N], or pressure of "
             "chambers that push [Pa]; chambers take the keys of cables"
         )
     )
-    sensing: str = Field(
+    sensing: str = optional(
+        "source of configurations: encoders, true configurations, or a user's sensor",
         "encoders",
         pattern=SENSING,
-        description=(
-            "source of configurations: encoders, true configurations, or a user's "
-            "sensor"
-        ),
         json_schema_extra={"allowed": '"encoders", "true" or "file.py:Name"'},
     )
-    sensing_coupling: tuple[tuple[Free, ...], ...] | None = Field(
-        None,
-        description="matrix from true to sensed configurations, one row a module [1]",
+    sensing_coupling: tuple[tuple[Free, ...], ...] | None = optional(
+        "matrix from true to sensed configurations, one row a module [1]"
     )
-    coupled_cables: bool = Field(
+    coupled_cables: bool = optional(
+        "whether cables of distal modules also bend the proximal modules that "
+        "they pass",
         False,
-        description=(
-            "whether cables of distal modules also bend the proximal modules that "
-            "they pass"
-        ),
     )
-    gravity_direction: tuple[Number, Number, Number] = Field(
+    gravity_direction: tuple[Number, Number, Number] = optional(
+        "direction of gravity: [0, 0, -1] upright, [0, 0, 1] hanging, [0, 0, 0] none",
         (0.0, 0.0, -1.0),
-        description=(
-            "direction of gravity: [0, 0, -1] upright, [0, 0, 1] hanging, [0, 0, "
-            "0] none"
-        ),
     )
     control_rate: Number = between(0.01, 1000, "Hz", "control steps a second", 10.0)
     step_limit_deg: Number = between(
@@ -359,11 +351,9 @@ class ArmSpec(Frozen):
     )
     motor: Motor = Motor()
     sensors: Sensors = Sensors()
-    servos: Servos | None = Field(None, description="servos of a real arm")
+    servos: Servos | None = optional("servos of a real arm")
     tip: Tip = Tip()
-    tracking: Tracking | None = Field(
-        None, description="pose tracking of a real arm's module ends"
-    )
+    tracking: Tracking | None = optional("pose tracking of a real arm's module ends")
     modules: tuple[Module, ...] = Field(
         min_length=1,
         max_length=MAX_MODULES,

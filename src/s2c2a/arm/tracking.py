@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from s2c2a.arm.fields import Frozen
+from s2c2a.arm.fields import Frozen, optional
 from s2c2a.errors import MAX_NAME_LENGTH
 
 STRETCH = 0.1
@@ -19,27 +19,19 @@ BodyName = Annotated[str, Field(max_length=MAX_NAME_LENGTH)]
 class Tracking(Frozen):
     """Source and bodies of a pose tracker."""
 
-    source: str = Field(
-        default="udp", description="source, such as udp:9763 or natnet:192.168.1.10"
+    source: str = optional("source, such as udp:9763 or natnet:192.168.1.10", "udp")
+    base: BodyName = optional(
+        "body at the base; empty: the tracker's world frame replaces it", "base"
     )
-    base: BodyName = Field(
-        default="base",
-        description="body at the base; empty: the tracker's world frame replaces it",
-    )
-    ends: tuple[BodyName, ...] | None = Field(
-        default=None,
-        description=(
-            "body at the end of every module, empty where none is tracked; default: "
-            "end-1, end-2, ..."
-        ),
+    ends: tuple[BodyName, ...] | None = optional(
+        "body at the end of every module, empty where none is tracked; default: "
+        "end-1, end-2, ...",
         json_schema_extra={"allowed": "names"},
     )
-    calibration: str = Field(
-        default="",
-        description=(
-            "file of `s2c2a tracking latency` and `frames`; default: "
-            "NAME.tracking.json in the current folder, if it exists"
-        ),
+    calibration: str = optional(
+        "file of `s2c2a tracking latency` and `frames`; default: "
+        "NAME.tracking.json in the current folder, if it exists",
+        "",
     )
 
     @model_validator(mode="after")

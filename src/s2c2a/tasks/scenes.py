@@ -16,7 +16,7 @@ from pydantic import Field, PrivateAttr, TypeAdapter, ValidationError, model_val
 from scipy.spatial.transform import Rotation
 
 from s2c2a.arm import ArmSpec
-from s2c2a.arm.fields import Free, Frozen, Number, between
+from s2c2a.arm.fields import Free, Frozen, Number, between, optional
 from s2c2a.errors import S2C2AError, TargetError, counted
 from s2c2a.files.text import parse_toml, read_text
 from s2c2a.files.validation import explained, key_names
@@ -59,7 +59,7 @@ class Solid(Frozen):
     clearance: Number = between(0, 10, "m", "distance kept from its surface", 0.0)
     appears: Number = between(0, 1e6, "s", "time when it appears", 0.0)
     disappears: Number | None = between(0, 1e6, "s", "when it disappears", None)
-    velocity: Point = Field((0.0, 0.0, 0.0), description="constant velocity [m/s]")
+    velocity: Point = optional("constant velocity [m/s]", (0.0, 0.0, 0.0))
 
     def rows(self) -> Float[np.ndarray, "rows 12"]:
         """Rows of the goal (`s2c2a.obstacles`), at time zero."""
@@ -148,8 +148,8 @@ class _Turned(Solid):
         (*Solid.omitted_defaults, "rotation_deg")
     )
 
-    rotation_deg: Point = Field(
-        (0.0, 0.0, 0.0), description="rotation about the fixed axes x, y, z [deg]"
+    rotation_deg: Point = optional(
+        "rotation about the fixed axes x, y, z [deg]", (0.0, 0.0, 0.0)
     )
 
     @property
@@ -208,7 +208,7 @@ class Mesh(_Turned):
     kind: Literal["mesh"] = "mesh"
     file: str = Field(description="STL, OBJ, PLY, GLB or OFF, beside the scene file")
     scale: Number = between(1e-6, 1e6, "m", "length of the file's unit", 1.0)
-    position: Point = Field((0.0, 0.0, 0.0), description="of the file's origin [m]")
+    position: Point = optional("of the file's origin [m]", (0.0, 0.0, 0.0))
     spheres: int = between(1, MAX_OBSTACLES, "1", "most that cover it", 16)
     _folder: Path = PrivateAttr(default=Path())
 
