@@ -13,6 +13,7 @@ from s2c2a.kinematics import (
     configurations_from_bends,
     limit_lengths,
 )
+from s2c2a.kinematics.pcc import Cables
 from s2c2a.models import C2A, History
 from s2c2a.paper import pushed
 
@@ -49,7 +50,7 @@ class Controller(eqx.Module):
         """
 
     @abstractmethod
-    def sent(self, action: Float[Array, "modules cables"], memory: Memory) -> Memory:
+    def sent(self, action: Cables, memory: Memory) -> Memory:
         """Memory after a limit changed the last action.
 
         Args:
@@ -82,7 +83,7 @@ class InversePCC(Controller):
         bends = bends_from_configurations(desired) * self.gains[:, None]
         return self.pcc.actions(bends), memory
 
-    def sent(self, action: Float[Array, "modules cables"], memory: Memory) -> Memory:
+    def sent(self, action: Cables, memory: Memory) -> Memory:
         """See `Controller`: the memory is empty."""
         return memory
 
@@ -111,7 +112,7 @@ class NetworkController(Controller):
         next_history = History(history.configurations, pushed(history.actions, action))
         return self.network.sum_and_range.actions(action), next_history
 
-    def sent(self, action: Float[Array, "modules cables"], memory: History) -> History:
+    def sent(self, action: Cables, memory: History) -> History:
         """See `Controller`: the history with the action that was sent."""
         normalized = self.network.sum_and_range.normalized(action)
         return memory._replace(actions=memory.actions.at[:, 0].set(normalized))
@@ -162,7 +163,5 @@ class CorrectedController(Controller):
         action, inner = self.inner.act(corrected, sensed, memory.inner)
         return action, CorrectedMemory(inner, bends, offset)
 
-    def sent(
-        self, action: Float[Array, "modules cables"], memory: CorrectedMemory
-    ) -> CorrectedMemory:
+    def sent(self, action: Cables, memory: CorrectedMemory) -> CorrectedMemory:
         return memory._replace(inner=self.inner.sent(action, memory.inner))

@@ -20,6 +20,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from s2c2a.kinematics.bends import FlatBends, Scalar
+
 PICTURES = 256
 """Newest pictures that count; their covariance is factorized in half a millisecond."""
 INTERVAL = 0.19
@@ -43,6 +45,8 @@ It is that of vibration, not of the camera: successive pictures share theirs.
 """
 NONE = 1e6  # s; age of a place without a picture, which thus counts nothing
 
+PictureBends = Float[Array, "pictures bends"]
+
 
 class Pictures(NamedTuple):
     """The newest pictures.
@@ -56,9 +60,9 @@ class Pictures(NamedTuple):
         ages: time since they were taken [s], shape (pictures,).
     """
 
-    bends: Float[Array, "pictures bends"]
-    caused: Float[Array, "pictures bends"]
-    by_payload: Float[Array, "pictures bends"]
+    bends: PictureBends
+    caused: PictureBends
+    by_payload: PictureBends
     ages: Float[Array, " pictures"]
 
 
@@ -70,7 +74,7 @@ class PayloadPrior(NamedTuple):
         std: [kg].
     """
 
-    mean: float | Float[Array, ""]
+    mean: float | Scalar
     std: float
 
 
@@ -86,10 +90,10 @@ class BiasField(NamedTuple):
     """
 
     pictures: Pictures
-    bends: Float[Array, "pictures bends"]
+    bends: PictureBends
     ages: Float[Array, " pictures"]
-    weights: Float[Array, "pictures bends"]
-    waited: Float[Array, ""]
+    weights: PictureBends
+    waited: Scalar
 
     @classmethod
     def empty(cls, bends: int) -> "BiasField":
@@ -99,7 +103,7 @@ class BiasField(NamedTuple):
         pictures = Pictures(zeros, zeros, zeros, ages)
         return cls(pictures, zeros, ages, zeros, jnp.zeros(()))
 
-    def at(self, bends: Float[Array, " bends"]) -> Float[Array, " bends"]:
+    def at(self, bends: FlatBends) -> FlatBends:
         """Expected bend biases at sensed bends [rad]."""
         covariance = _covariance(bends[None], jnp.zeros(1), self.bends, self.ages)
         return covariance[0] @ self.weights
@@ -113,10 +117,10 @@ class BiasField(NamedTuple):
 
     def with_picture(
         self,
-        bends: Float[Array, " bends"],
-        caused: Float[Array, " bends"],
-        by_payload: Float[Array, " bends"],
-        age: Float[Array, ""],
+        bends: FlatBends,
+        caused: FlatBends,
+        by_payload: FlatBends,
+        age: Scalar,
         prior: PayloadPrior,
     ) -> "BiasField":
         """The field with one more picture in place of the oldest, fitted if it is time.

@@ -14,7 +14,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from s2c2a.arm.spec import HEAVIEST
 from s2c2a.estimation import kalman
@@ -31,6 +31,7 @@ from s2c2a.estimation.sensor_models import (
 )
 from s2c2a.files.text import LARGEST
 from s2c2a.kinematics import bends_from_configurations, bends_from_states, limit_lengths
+from s2c2a.kinematics.bends import FlatBends, Scalar, Truth
 from s2c2a.models.disturbances import Disturbances
 from s2c2a.models.forward_model import ForwardModel
 
@@ -107,7 +108,7 @@ class DisturbanceFilter(eqx.Module):
     # ---- start
 
     def start(
-        self, configuration: Float[Array, "modules 3"], payload: Float[Array, ""]
+        self, configuration: Float[Array, "modules 3"], payload: Scalar
     ) -> FilterState:
         """State of an arm at rest.
 
@@ -221,7 +222,7 @@ class DisturbanceFilter(eqx.Module):
 
     def _equilibrium(
         self, state: FilterState, configuration: Float[Array, "modules 3"]
-    ) -> tuple[Array, Array, Float[Array, " bends"]]:
+    ) -> tuple[Array, Array, FlatBends]:
         """Predicted states and tensions in equilibrium.
 
         Returns:
@@ -247,7 +248,7 @@ class DisturbanceFilter(eqx.Module):
         self,
         state: FilterState,
         states: Float[Array, "modules 6"],
-        by_payload: Float[Array, " bends"],
+        by_payload: FlatBends,
     ) -> FilterState:
         """Prediction step: the modal model over one control period."""
         mean = state.mean
@@ -302,7 +303,7 @@ class DisturbanceFilter(eqx.Module):
         state: FilterState,
         number: int,
         innovation: Innovation,
-        by_payload: Float[Array, " bends"],
+        by_payload: FlatBends,
     ) -> FilterState:
         """The state after the measurement of one sensor, unless it is an outlier.
 
@@ -366,7 +367,7 @@ class DisturbanceFilter(eqx.Module):
         field: BiasField,
         number: int,
         remaining: Innovation,
-        by_payload: Float[Array, " bends"],
+        by_payload: FlatBends,
     ) -> BiasField:
         """The field of the biases with a picture.
 
@@ -405,7 +406,7 @@ class DisturbanceFilter(eqx.Module):
         is_used = is_present.any() & is_trusted & is_later
         return jax.lax.cond(is_used, taught, lambda: field)
 
-    def unused(self, state: FilterState) -> dict[str, Bool[Array, ""]]:
+    def unused(self, state: FilterState) -> dict[str, Truth]:
         """Whether each sensor is rejected, or has given no measurement for too long."""
         return {
             sensor.name: (history.rejected_for > 0.0)
@@ -426,13 +427,13 @@ class DisturbanceFilter(eqx.Module):
         rest = biases - state.expected_biases
         return mean._replace(payload=payload, bend_biases=rest)
 
-    def external_force(self, bend_biases: Float[Array, " bends"]) -> Float[Array, ""]:
+    def external_force(self, bend_biases: FlatBends) -> Scalar:
         """Force at the tip that would cause the bend biases [N]."""
         return jnp.linalg.norm(self.modal_table.forces @ bend_biases)
 
 
 def _disturbance_bends(
-    mean: ArmState, by_payload: Float[Array, " bends"]
+    mean: ArmState, by_payload: FlatBends
 ) -> Float[Array, "modules 2"]:
     """Bends due to payload and bend biases [rad]."""
     return (mean.bend_biases + mean.payload * by_payload).reshape(-1, 2)

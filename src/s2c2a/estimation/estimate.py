@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from s2c2a.kinematics.bends import Numbers, Scalar
 from s2c2a.models.disturbances import Disturbances
 from s2c2a.models.forward_model import Memory
 from s2c2a.printing import short_text
@@ -29,14 +30,14 @@ class Estimate(NamedTuple):
             where there is none, and None if the estimator takes no pictures.
     """
 
-    configuration: Float[Array | np.ndarray, "modules 3"]
+    configuration: Float[Numbers, "modules 3"]
     disturbances: Disturbances | None = None
     covariance: Float[Array, "states states"] | None = None
-    external_force: Float[Array, ""] | None = None
+    external_force: Scalar | None = None
     rejected: Mapping[str, Array] = {}
     hysteresis: Memory = None
     memory: Any = ()
-    seen: Float[Array | np.ndarray, "modules 3"] | None = None
+    seen: Float[Numbers, "modules 3"] | None = None
 
     def __repr__(self) -> str:
         """Fields, and shapes of arrays."""
@@ -45,9 +46,9 @@ class Estimate(NamedTuple):
     @classmethod
     def of(
         cls,
-        configuration: Float[Array | np.ndarray, "modules 3"],
+        configuration: Float[Numbers, "modules 3"],
         payload: float | Array = 0.0,
-        bend_biases: Float[Array | np.ndarray, "modules 2"] | None = None,
+        bend_biases: Float[Numbers, "modules 2"] | None = None,
         hysteresis: Memory = None,
         memory: Any = (),
     ) -> "Estimate":

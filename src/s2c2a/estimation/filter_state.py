@@ -8,6 +8,7 @@ from jaxtyping import Array, Float
 
 from s2c2a.estimation.bias_field import BiasField
 from s2c2a.estimation.outliers import SensorHistory
+from s2c2a.kinematics.bends import FlatBends, Scalar
 from s2c2a.models.disturbances import Disturbances
 
 
@@ -23,10 +24,10 @@ class ArmState(NamedTuple):
         sensor_biases: constant errors, one sensor after another.
     """
 
-    payload: Float[Array, ""]
-    bend_biases: Float[Array, " bends"]
-    bends: Float[Array, " bends"]
-    bend_rates: Float[Array, " bends"]
+    payload: Scalar
+    bend_biases: FlatBends
+    bends: FlatBends
+    bend_rates: FlatBends
     sensor_biases: Float[Array, " biases"]
 
     def packed(self) -> Float[Array, " states"]:
@@ -110,8 +111,8 @@ class FilterState(NamedTuple):
     past_sensed: Float[Array, "steps modules 2"]
     histories: tuple[SensorHistory, ...]
     field: BiasField | None
-    expected_biases: Float[Array, " bends"]
-    known_payload: Float[Array, ""]
+    expected_biases: FlatBends
+    known_payload: Scalar
 
     @property
     def disturbances(self) -> Disturbances:

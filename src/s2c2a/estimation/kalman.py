@@ -1,14 +1,16 @@
 """The steps of a Kalman filter, as pure functions."""
 
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
+
+from s2c2a.kinematics.bends import Numbers
+
+Matrix = Float[Numbers, "n n"]
+Jacobian = Float[Numbers, "values n"]
 
 
 def predict(
-    covariance: Float[Array | np.ndarray, "n n"],
-    transition: Float[Array | np.ndarray, "n n"],
-    process_noise: Float[Array | np.ndarray, " n"],
+    covariance: Matrix, transition: Matrix, process_noise: Float[Numbers, " n"]
 ) -> Float[Array, "n n"]:
     """Covariance after one step: F P F' + Q.
 
@@ -24,9 +26,7 @@ def predict(
 
 
 def innovation_covariance(
-    covariance: Float[Array | np.ndarray, "n n"],
-    jacobian: Float[Array | np.ndarray, "values n"],
-    noise_std: Float[Array | np.ndarray, " values"],
+    covariance: Matrix, jacobian: Jacobian, noise_std: Float[Numbers, " values"]
 ) -> Float[Array, "values values"]:
     """Covariance of the innovation: S = H P H' + R."""
     predicted = jacobian @ covariance @ jacobian.T
@@ -34,11 +34,11 @@ def innovation_covariance(
 
 
 def update(
-    mean: Float[Array | np.ndarray, " n"],
-    covariance: Float[Array | np.ndarray, "n n"],
-    residual: Float[Array | np.ndarray, " values"],
-    jacobian: Float[Array | np.ndarray, "values n"],
-    innovation_cov: Float[Array | np.ndarray, "values values"],
+    mean: Float[Numbers, " n"],
+    covariance: Matrix,
+    residual: Float[Numbers, " values"],
+    jacobian: Jacobian,
+    innovation_cov: Float[Numbers, "values values"],
 ) -> tuple[Float[Array, " n"], Float[Array, "n n"]]:
     """Mean and covariance after a measurement, in Joseph's form.
 

@@ -19,6 +19,7 @@ from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmSpec
 from s2c2a.arm.geometry import ArmGeometry
+from s2c2a.kinematics.bends import Scalar
 from s2c2a.models.trunk import TAUT, Trunk
 from s2c2a.training.fit import Fixed
 
@@ -42,8 +43,8 @@ class ModalFactors(Fixed):
         damping: over the nominal one.
     """
 
-    stiffness: Float[Array, ""]
-    damping: Float[Array, ""]
+    stiffness: Scalar
+    damping: Scalar
 
     @classmethod
     def nominal(cls) -> "ModalFactors":
@@ -193,7 +194,7 @@ class ModalTable(NamedTuple):
             jnp.asarray(forces, jnp.float32),
         )
 
-    def at(self, payload: Float[Array, ""]) -> tuple[Array, Array]:
+    def at(self, payload: Scalar) -> tuple[Array, Array]:
         """A and B for a payload [kg], interpolated."""
         rows = jnp.arange(len(self.payloads), dtype=jnp.float32)
         place = jnp.interp(payload, self.payloads, rows)

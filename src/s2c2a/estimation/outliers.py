@@ -9,11 +9,11 @@
 from typing import NamedTuple
 
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from s2c2a.estimation.sensor_models.base import EMPTY, Innovation
+from s2c2a.estimation.sensor_models.base import EMPTY, Innovation, Values
 from s2c2a.files.text import LARGEST
+from s2c2a.kinematics.bends import Numbers, Scalar, Truth
 from s2c2a.spaces import NOISE_LIMIT
 
 # s, of a sensor after an outlier: several measurements of every sensor, so that
@@ -35,13 +35,13 @@ class SensorHistory(NamedTuple):
         lag: memory of its hysteresis (`SensorModel.initial_lag`).
     """
 
-    usual: Float[Array, " values"]
-    unseen_for: Float[Array, ""]
-    rejected_for: Float[Array, ""]
-    lag: Array | np.ndarray
+    usual: Values
+    unseen_for: Scalar
+    rejected_for: Scalar
+    lag: Numbers
 
     @classmethod
-    def none(cls, values: int, lag: Array | np.ndarray = EMPTY) -> "SensorHistory":
+    def none(cls, values: int, lag: Numbers = EMPTY) -> "SensorHistory":
         """The past of a sensor that has not measured yet."""
         # with its type: a weak one would change at the first update, and compile anew
         usual = jnp.full(values, LARGEST, jnp.float32)
@@ -59,17 +59,17 @@ class Compared(NamedTuple):
         innovation: of the sensor model, with the limits of its residual.
     """
 
-    unexplained: Float[Array, " values"]
-    by_biases: Float[Array, " values"]
+    unexplained: Values
+    by_biases: Values
     is_present: Bool[Array, " values"]
     innovation: Innovation
 
 
 def is_beyond_gate(
-    residual: Float[Array, " values"],
+    residual: Values,
     covariance: Float[Array, "values values"],
     is_present: Bool[Array, " values"],
-) -> Bool[Array, ""]:
+) -> Truth:
     """Rule 1: the normalized innovation exceeds the gate.
 
     It is the root mean square of the residuals in standard deviations of each.
@@ -78,17 +78,13 @@ def is_beyond_gate(
     return jnp.sqrt(squared / jnp.maximum(is_present.sum(), 1)) > NOISE_LIMIT
 
 
-def is_beyond_range(compared: Compared) -> Bool[Array, ""]:
+def is_beyond_range(compared: Compared) -> Truth:
     """Rule 2: a residual exceeds the range of the sensor."""
     residual = jnp.where(compared.is_present, compared.unexplained, 0.0)
     return jnp.any(jnp.abs(residual) > compared.innovation.max_residual)
 
 
-def has_left_average(
-    residual: Float[Array, " values"],
-    usual: Float[Array, " values"],
-    compared: Compared,
-) -> Bool[Array, ""]:
+def has_left_average(residual: Values, usual: Values, compared: Compared) -> Truth:
     """Rule 3: the residual has left its slow average.
 
     After an external force the average follows.
@@ -98,18 +94,15 @@ def has_left_average(
 
 
 def remaining_rejection(
-    history: SensorHistory, is_outlier: Bool[Array, ""], period: float
-) -> Float[Array, ""]:
+    history: SensorHistory, is_outlier: Truth, period: float
+) -> Scalar:
     """Rule 4: an outlier rejects its sensor for `REJECTION_TIME` [s]."""
     remaining = jnp.maximum(history.rejected_for - period, 0.0)
     return jnp.where(is_outlier, REJECTION_TIME, remaining)
 
 
 def judged(
-    history: SensorHistory,
-    compared: Compared,
-    is_outlier: Bool[Array, ""],
-    period: float,
+    history: SensorHistory, compared: Compared, is_outlier: Truth, period: float
 ) -> SensorHistory:
     """The sensor's past after a measurement: all rules, one after the other.
 

@@ -7,10 +7,14 @@ have exact gradients there.
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 Numbers = Array | np.ndarray
 """What functions of JAX take; they return arrays of JAX."""
+Scalar = Float[Array, ""]
+Truth = Bool[Array, ""]
+FlatBends = Float[Array, " bends"]
+"""Bends of all modules, one after the other."""
 BendLimits = Float[Numbers, "*#batch"] | float
 
 # Squared angle below which series replace quotients; the next term of the series is

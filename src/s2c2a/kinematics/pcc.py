@@ -10,6 +10,8 @@ from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.arm.geometry import per_module, per_unit_of_pull, raised
 from s2c2a.kinematics.bends import Numbers, bends_from_cables
 
+Cables = Float[Array, "modules cables"]
+
 
 class PCC(eqx.Module):
     r"""PCC map between the actions and the bends of one arm.
@@ -37,10 +39,10 @@ class PCC(eqx.Module):
 
     to_bends: Float[Array, "modules 2 cables"]
     to_actions: Float[Array, "modules cables 2"]
-    neutral: Float[Array, "modules cables"]
-    low: Float[Array, "modules cables"]
-    high: Float[Array, "modules cables"]
-    balance: Float[Array, "modules cables"] | None
+    neutral: Cables
+    low: Cables
+    high: Cables
+    balance: Cables | None
 
     @classmethod
     def of(cls, arm: ArmSpec) -> "PCC":

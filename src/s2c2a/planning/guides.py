@@ -15,6 +15,7 @@ from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.goals import PREVIEW, START_TIME, Goal, preview_stride
+from s2c2a.kinematics.bends import Numbers
 from s2c2a.models.forward_model import ForwardModel
 from s2c2a.planning.outcomes import SIGNIFICANT, Outcome
 from s2c2a.planning.terms import Guard
@@ -43,10 +44,10 @@ class Lead(NamedTuple):
         room: least distance from obstacles then [m]; plans keep no more.
     """
 
-    bends: Float[Array | np.ndarray, "moments modules 2"]
-    tips: Float[Array | np.ndarray, "moments 3"]
-    weight: Float[Array | np.ndarray, ""]
-    room: Float[Array | np.ndarray, ""] = np.asarray(np.inf, np.float32)
+    bends: Float[Numbers, "moments modules 2"]
+    tips: Float[Numbers, "moments 3"]
+    weight: Float[Numbers, ""]
+    room: Float[Numbers, ""] = np.asarray(np.inf, np.float32)
 
     @classmethod
     def none(cls, modules: int) -> "Lead":

@@ -32,6 +32,7 @@ from s2c2a.kinematics import (
     configurations_from_bends,
     limit_lengths,
 )
+from s2c2a.kinematics.bends import Scalar
 from s2c2a.models.forward_model import Memory
 from s2c2a.planning.motion import GoalMotion
 from s2c2a.planning.solvers import Problem, Solution, Solver
@@ -71,7 +72,7 @@ class _Expansion(NamedTuple):
     """
 
     knots: Knots
-    cost: Float[Array, ""]
+    cost: Scalar
     gradients: Float[Array, "knots bends"]
     blocks: Float[Array, "knots bends bends"]
 
@@ -267,9 +268,7 @@ class Horizon(Solver):
         step = minimum(base.blocks, base.gradients, coupling)
         return _within_steps(problem, base.knots + step.reshape(base.knots.shape))
 
-    def _roughness(
-        self, knots: Knots, problem: Problem, moved: Bends
-    ) -> Float[Array, ""]:
+    def _roughness(self, knots: Knots, problem: Problem, moved: Bends) -> Scalar:
         """Cost of changes of bends, and of changes of these changes.
 
         Args:

@@ -14,12 +14,13 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.estimation.modal_model import ModalFactors, first_mode
 from s2c2a.goals import PREVIEW, Goal, preview_stride
 from s2c2a.kinematics import limit_lengths, norm
+from s2c2a.kinematics.bends import Scalar, Truth
 from s2c2a.obstacles import distances, swept
 
 # of offsets, over the frequency of the slowest mode; measured in
@@ -96,7 +97,7 @@ class GoalMotion(NamedTuple):
     expected: Targets
     is_known: Float[Array, "targets 1"]
     offset: Float[Array, "3 targets 3"]
-    passes: Bool[Array, ""]
+    passes: Truth
 
     @classmethod
     def of(cls, modules: int) -> "GoalMotion":
@@ -107,7 +108,7 @@ class GoalMotion(NamedTuple):
         passes = jnp.asarray(False)
         return cls(rows, rows, targets, targets[:, :1], offset, passes)
 
-    def stays(self, goal: Goal) -> Bool[Array, ""]:
+    def stays(self, goal: Goal) -> Truth:
         """Whether a goal is as the last one was."""
         now = _rows(goal)
         is_same = (now == self.latest[: len(now)]).all()
@@ -118,7 +119,7 @@ class GoalMotion(NamedTuple):
         goal: Goal,
         states: Float[Array, "modules 6"],
         approach: Approach,
-        payload: Float[Array, ""] | float = 0.0,
+        payload: Scalar | float = 0.0,
     ) -> tuple["GoalMotion", Goal]:
         """The motion after another goal, and the goals of the next moments.
 
@@ -229,7 +230,7 @@ class GoalMotion(NamedTuple):
         return self._replace(passes=passes), ahead._replace(**passed)  # type: ignore[arg-type]
 
 
-def _gap(point: Point, scene: Goal) -> Float[Array, ""]:
+def _gap(point: Point, scene: Goal) -> Scalar:
     """Signed distance of a point from the thresholds of obstacles [m]."""
     gaps = distances(point, scene.obstacles, scene.cores) - scene.thresholds
     known = jnp.append(jnp.where(scene.thresholds > 0.0, gaps, jnp.inf), jnp.inf)

@@ -11,11 +11,11 @@ from enum import IntEnum
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float, Int
 
 from s2c2a.goals import Goal
 from s2c2a.kinematics import limit_lengths, norm, states_from_bends
-from s2c2a.kinematics.bends import Numbers
+from s2c2a.kinematics.bends import Numbers, Truth
 from s2c2a.planning.terms import Bends, Candidate, Situation, largest_bend
 from s2c2a.spaces import POSITION
 
@@ -88,7 +88,7 @@ def judge(
     gaps = jnp.where(is_desired, planned.states[:, POSITION] - goal.positions, 0.0)
     error = jnp.max(norm(gaps))
 
-    def is_blocked() -> Bool[Array, ""]:
+    def is_blocked() -> Truth:
         """Whether no step within the limits moves the ends of arcs nearer to their goal.
 
         Nearer is by more than a twentieth of the way of a straight arm that turns at its

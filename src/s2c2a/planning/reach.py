@@ -24,11 +24,12 @@ from s2c2a.kinematics import (
     limit_lengths,
     norm,
 )
+from s2c2a.kinematics.bends import Scalar
 from s2c2a.models.disturbances import Disturbances
 from s2c2a.models.forward_model import ForwardModel, Memory, PCCForwardModel
 from s2c2a.obstacles import distances
 from s2c2a.planning.outcomes import SIGNIFICANT
-from s2c2a.planning.solvers import solve_least_squares
+from s2c2a.planning.solvers import ResidualVector, solve_least_squares
 from s2c2a.planning.terms import Guard, GuardedPoints
 from s2c2a.printing import short_text
 from s2c2a.spaces import AXIS, POSITION
@@ -48,6 +49,7 @@ ALIKE = 2e-3  # of the arm's length: starts that end within it lead as near
 
 Bends = Float[Array, "modules 2"]
 States = Float[Array, "modules 6"]
+PerTarget = Float[np.ndarray, " targets"]
 
 
 class Reached(NamedTuple):
@@ -69,11 +71,11 @@ class Reached(NamedTuple):
 
     bends: Float[np.ndarray, "targets modules 2"]
     states: Float[np.ndarray, "targets modules 6"]
-    position_errors: Float[np.ndarray, " targets"]
-    axis_errors: Float[np.ndarray, " targets"]
-    clearances: Float[np.ndarray, " targets"]
-    predictive_std: Float[np.ndarray, " targets"]
-    agreeing: Float[np.ndarray, " targets"]
+    position_errors: PerTarget
+    axis_errors: PerTarget
+    clearances: PerTarget
+    predictive_std: PerTarget
+    agreeing: PerTarget
 
     def __repr__(self) -> str:
         """Fields, and shapes of arrays."""
@@ -138,7 +140,7 @@ class RestingArm(NamedTuple):
         loaded = self._loaded(configurations, memory)
         return self.model.predict(configurations, memory, loaded)
 
-    def predictive_std(self, bends: Bends) -> Float[Array, ""]:
+    def predictive_std(self, bends: Bends) -> Scalar:
         """Standard deviation of the tip [m]."""
         configurations = configurations_from_bends(bends)
         memory = self.model.start(configurations)
@@ -313,7 +315,7 @@ def _solutions(
     """Shapes from several starts, and their distances from the target [m]."""
     length = jnp.sum(jnp.asarray(arm.lengths))
 
-    def errors(states: States) -> Float[Array, " residuals"]:
+    def errors(states: States) -> ResidualVector:
         """Of the target and of the obstacles, in parts of the arm's length."""
         clearances = _clearances(points_of, states, goal)
         depths = jnp.maximum(-clearances, 0.0) / length
@@ -332,20 +334,18 @@ def _solutions(
     best = jnp.argmin(costs, axis=1)
     starts = shapes.bends[rows[numbers, best]]
 
-    def residuals(bends: Bends) -> Float[Array, " residuals"]:
+    def residuals(bends: Bends) -> ResidualVector:
         even = EVENNESS * jnp.diff(bends, axis=0).reshape(-1)
         return jnp.concatenate([errors(arm.states(bends)), even])
 
-    def solved(start: Bends) -> tuple[Bends, Float[Array, ""]]:
+    def solved(start: Bends) -> tuple[Bends, Scalar]:
         return solve_least_squares(residuals, start, arm.within_limits, ITERATIONS)
 
     found, costs = jax.vmap(solved)(starts)
     return found, jnp.sqrt(costs) * length
 
 
-def _target_errors(
-    states: States, goal: Goal, length: Float[Array, ""]
-) -> Float[Array, " residuals"]:
+def _target_errors(states: States, goal: Goal, length: Scalar) -> ResidualVector:
     """Errors of all ends and axes that have a target, in parts of the arm's length."""
     positions = (states[:, POSITION] - goal.positions) / length
     axes = AXIS_LENGTH * (states[:, AXIS] - goal.axes)

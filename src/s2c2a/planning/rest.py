@@ -12,11 +12,12 @@ from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float, Int
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.execution.compilation import select
 from s2c2a.goals import PREVIEW, Goal
+from s2c2a.kinematics.bends import Numbers, Scalar, Truth
 from s2c2a.models.forward_model import ForwardModel
 from s2c2a.planning.motion import GoalMotion
 from s2c2a.planning.outcomes import STILL
@@ -51,10 +52,10 @@ class Rest(NamedTuple):
         calm: bends at which it came to rest since then [rad]; zero before that.
     """
 
-    step: Float[Array, ""]
-    trust: Float[Array, ""]
-    is_slow: Bool[Array, ""]
-    smallest: Float[Array, ""]
+    step: Scalar
+    trust: Scalar
+    is_slow: Truth
+    smallest: Scalar
     gaps: Float[Array, "modules 3"]
     squares: Float[Array, "2"]
     judged: Int[Array, ""]
@@ -72,13 +73,13 @@ class Rest(NamedTuple):
         return cls(limit, one, zero > 0, one * jnp.inf, *window, zero, gaps[:, :2])
 
     @property
-    def is_overloaded(self) -> Bool[Array, ""]:
+    def is_overloaded(self) -> Truth:
         """Whether the arm has fallen from this goal, and goes to where it is calm."""
         return self.fallen > 1
 
     def after(
         self,
-        ahead: Float[Array, ""],
+        ahead: Scalar,
         gaps: Float[Array, "2 modules 3"],
         bends: Bends,
         goal: Goal,
@@ -162,7 +163,7 @@ class Rest(NamedTuple):
 def gaps_of(
     model: ForwardModel,
     ends: Float[Array, "modules 3"],
-    seen: Float[Array | np.ndarray, "modules 3"] | None,
+    seen: Float[Numbers, "modules 3"] | None,
     goal: Goal,
     arcs: Float[Array, "modules 3"],
 ) -> Float[Array, "2 modules 3"]:
@@ -184,7 +185,7 @@ def gaps_of(
     return jnp.where(is_desired, gaps, 0.0 * ends)
 
 
-def rests(goal: Goal, before: GoalMotion) -> Bool[Array, ""]:
+def rests(goal: Goal, before: GoalMotion) -> Truth:
     """Whether a goal of positions, without obstacles, stays as it is, as far as known."""
     same = jnp.concatenate([goal.positions, goal.axes], axis=-1)
     will_move = (goal.preview != same) & ~jnp.isnan(goal.preview)

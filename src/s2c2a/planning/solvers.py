@@ -28,6 +28,7 @@ from s2c2a.kinematics import (
     norm,
     states_from_bends,
 )
+from s2c2a.kinematics.bends import Scalar
 from s2c2a.models.forward_model import Memory
 from s2c2a.paper import minimize, unit_vectors
 from s2c2a.planning.motion import GoalMotion
@@ -42,8 +43,10 @@ from s2c2a.planning.terms import (
 from s2c2a.plugins.components import Component
 from s2c2a.spaces import POSITION
 
-Residuals = Callable[[Float[Array, "*variables"]], Float[Array, " residuals"]]
-Projection = Callable[[Float[Array, "*variables"]], Float[Array, "*variables"]]
+Variables = Float[Array, "*variables"]
+ResidualVector = Float[Array, " residuals"]
+Residuals = Callable[[Variables], ResidualVector]
+Projection = Callable[[Variables], Variables]
 
 INITIAL_DAMPING = 1e-2  # of squared slopes near one: residuals are scaled (`unit`)
 DAMPING_AFTER_ACCEPTED = 0.2  # factor
@@ -57,19 +60,16 @@ REST_WEIGHT = 1e-3  # of bends beside positions; keeps solutions from drifting
 class _Iterate(NamedTuple):
     """An accepted point, its sum of squares, and the normal equations there."""
 
-    point: Float[Array, "*variables"]
-    cost: Float[Array, ""]
+    point: Variables
+    cost: Scalar
     gradient: Float[Array, " variables"]
     curvature: Float[Array, "variables variables"]
-    damping: Float[Array, ""]
+    damping: Scalar
 
 
 def solve_least_squares(
-    residuals: Residuals,
-    start: Float[Array, "*variables"],
-    project: Projection,
-    iterations: int,
-) -> tuple[Float[Array, "*variables"], Float[Array, ""]]:
+    residuals: Residuals, start: Variables, project: Projection, iterations: int
+) -> tuple[Variables, Scalar]:
     """Minimize a sum of squared residuals by the Levenberg-Marquardt method.
 
     Each iteration solves (J^T J + lambda I) step = -J^T r, projects, and accepts the
@@ -162,7 +162,7 @@ class Problem(NamedTuple):
         last = self.situation.last
         return self.complete(self.predict(last.configurations, last.bends, self.memory))
 
-    def sum_of_norms(self, configurations: Configurations) -> Float[Array, ""]:
+    def sum_of_norms(self, configurations: Configurations) -> Scalar:
         """The sum over all groups of mu |r| (Chen et al. 2025, eq. (7))."""
         bends = bends_from_configurations(configurations)
         total = jnp.zeros(())
@@ -171,11 +171,11 @@ class Problem(NamedTuple):
             total = total + jnp.sum(weights * norm(residuals))
         return total
 
-    def stacked(self, bends: Bends) -> Float[Array, " residuals"]:
+    def stacked(self, bends: Bends) -> ResidualVector:
         """The residuals of these bends."""
         return self.residuals(self.candidate_at(bends))
 
-    def residuals(self, candidate: Candidate) -> Float[Array, " residuals"]:
+    def residuals(self, candidate: Candidate) -> ResidualVector:
         """All sqrt(mu) r in one vector; its sum of squares is the sum of mu |r|^2."""
         rows = []
         for weights, residuals in self._weighted(candidate):

@@ -24,7 +24,7 @@ from s2c2a.arm import ArmSpec
 from s2c2a.arm.geometry import body_radii
 from s2c2a.goals import Goal
 from s2c2a.kinematics import center_line
-from s2c2a.kinematics.bends import Numbers, squared_norm
+from s2c2a.kinematics.bends import Numbers, Scalar, squared_norm
 from s2c2a.obstacles import distances
 from s2c2a.paper import obstacle_loss
 from s2c2a.plugins.components import Component, Registry
@@ -56,7 +56,7 @@ class Candidate(NamedTuple):
     bends: Bends
     states: Float[Array, "modules 6"]
     points: Float[Array, "points 3"]
-    extrapolation: Float[Array, ""]
+    extrapolation: Scalar
 
 
 class Situation(NamedTuple):
@@ -80,7 +80,7 @@ class Situation(NamedTuple):
     last: Candidate
     length: float
     bend_limits: Float[Array, " modules"]
-    longest_step: float | Float[Array, ""]
+    longest_step: float | Scalar
     on_sphere: bool
     radii: Float[Numbers, " points"] = np.zeros(1, np.float32)
     room: Float[Numbers, ""] | float = np.inf
@@ -130,7 +130,7 @@ class GuardedPoints:
         return max(CENTER_LINE_POINTS, round(3 * CENTER_LINE_POINTS * share))
 
 
-def largest_bend(bends: Float[Array, "*knots modules 2"]) -> Float[Array, ""]:
+def largest_bend(bends: Float[Array, "*knots modules 2"]) -> Scalar:
     """Largest length of a module's bend vector [rad]."""
     return jnp.sqrt(jnp.max(squared_norm(bends)))
 

@@ -11,11 +11,13 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmSpec
+from s2c2a.kinematics.bends import FlatBends, Numbers, Scalar
 from s2c2a.models.forward_model import ForwardModel
 
 # rad, from the prediction: two step limits of 4 deg; beyond, a measurement is wrong
 MAX_BEND_CHANGE = 0.14
 EMPTY = np.zeros(0, np.float32)
+Values = Float[Array, " values"]
 Measurements = Mapping[str, Array]
 """Sensor name -> measured values; NaN for what is missing."""
 
@@ -42,7 +44,7 @@ class ExpectedState(NamedTuple):
     past_bends: Float[Array, "steps modules 2"]
     past_states: Float[Array, "steps modules 6"]
     bias_change: Float[Array, "steps modules 2"]
-    lag: Array | np.ndarray = EMPTY
+    lag: Numbers = EMPTY
 
 
 class Innovation(NamedTuple):
@@ -60,13 +62,13 @@ class Innovation(NamedTuple):
         age: time since the measurement was taken [s].
     """
 
-    residual: Float[Array, " values"]
+    residual: Values
     jacobian: Float[Array, "values bends"]
-    std: Float[Array, " values"]
+    std: Values
     max_residual: float | Float[Array, "..."] = np.inf
     max_change: float | Float[Array, "..."] = np.inf
-    lag: Array | np.ndarray = EMPTY
-    age: float | Float[Array, ""] = 0.0
+    lag: Numbers = EMPTY
+    age: float | Scalar = 0.0
 
 
 class BiasPrior(NamedTuple):
@@ -124,7 +126,7 @@ class SensorModel(eqx.Module):
         """Biases of the sensor that the filter estimates."""
         return BiasPrior.none()
 
-    def initial_lag(self, bends: Float[Array, "modules 2"]) -> Array | np.ndarray:
+    def initial_lag(self, bends: Float[Array, "modules 2"]) -> Numbers:
         """Memory of the sensor's hysteresis at rest; empty if it has none."""
         return EMPTY
 
@@ -165,7 +167,7 @@ class FormulaSensor(SensorModel):
     def innovation(
         self, measurements: Measurements, expected: ExpectedState
     ) -> Innovation:
-        def flat(bends: Float[Array, " bends"]) -> Float[Array, " values"]:
+        def flat(bends: FlatBends) -> Values:
             return self.predicted(bends.reshape(-1, 2)).reshape(-1)
 
         predicted, jacobian = with_jacobian(flat, expected.bends)
@@ -178,14 +180,14 @@ class FormulaSensor(SensorModel):
 
 def with_jacobian(
     predict: Callable[[Array], Array], bends: Float[Array, "modules 2"]
-) -> tuple[Float[Array, " values"], Float[Array, "values bends"]]:
+) -> tuple[Values, Float[Array, "values bends"]]:
     """Predicted values and their derivative by the bends."""
     flat = bends.reshape(-1)
     return predict(flat), jax.jacfwd(predict)(flat)
 
 
 def interpolated(
-    history: Float[Array, "steps *shape"], steps: Float[Array, ""]
+    history: Float[Array, "steps *shape"], steps: Scalar
 ) -> Float[Array, "*shape"]:
     """The value of some, perhaps fractional, steps ago."""
     newer = jnp.floor(steps).astype(int)

@@ -20,6 +20,7 @@ from s2c2a.estimation.sensor_models.base import (
     Innovation,
     Measurements,
     SensorModel,
+    Values,
     with_jacobian,
 )
 from s2c2a.models.layers import Scaling
@@ -45,10 +46,10 @@ class SensorErrors(Fixed):
         backlash: half-width of the hysteresis when bends reverse.
     """
 
-    noise: Float[Array, " values"]
-    initial_bias: Float[Array, " values"]
-    drift: Float[Array, " values"]
-    backlash: Float[Array, " values"]
+    noise: Values
+    initial_bias: Values
+    drift: Values
+    backlash: Values
 
 
 class SensorNetwork(eqx.Module):
@@ -73,7 +74,7 @@ class SensorNetwork(eqx.Module):
         errors = SensorErrors(*[jnp.ones(values)] * 4)
         return cls(network, Scaling.identity(values), errors)
 
-    def __call__(self, bends: Float[Array, " bends"]) -> Float[Array, " values"]:
+    def __call__(self, bends: Float[Array, " bends"]) -> Values:
         """Predicted values in the sensor's unit."""
         return self.scaling.back(self.network(bends))
 

@@ -16,14 +16,12 @@ from s2c2a.arm import ArmGeometry, ArmSpec, Motor
 from s2c2a.arm.backlash import play, play_along
 from s2c2a.arm.geometry import cables_present, per_cable, per_module
 
+AnyCables = Float[np.ndarray, "*cables"]
 CablePath = Float[np.ndarray, "times *arms modules cables"]
 
 
 def compute_motor_path(
-    position: Float[np.ndarray, "*cables"],
-    command: Float[np.ndarray, "*cables"],
-    times: np.ndarray,
-    motor: Motor,
+    position: AnyCables, command: AnyCables, times: np.ndarray, motor: Motor
 ) -> Float[np.ndarray, "times *cables"]:
     """Solve the motion of motors towards a constant command exactly.
 
@@ -80,11 +78,7 @@ def read_cables(
     return motors + present * noise
 
 
-def read_encoders(
-    position: Float[np.ndarray, "*cables"],
-    motor: Motor,
-    noise: Float[np.ndarray, "*cables"],
-) -> Float[np.ndarray, "*cables"]:
+def read_encoders(position: AnyCables, motor: Motor, noise: AnyCables) -> AnyCables:
     """Return measured displacements [m]: noise [ticks] is added, whole ticks remain."""
     tick = motor.tick_length
     return tick * np.round(position / tick + noise)
