@@ -155,9 +155,8 @@ def draw(arm: File, out: OptionalPath = None) -> None:
     """
     from s2c2a.viz import arm_figure
 
-    default = Path(f"{Path(arm).stem}.png")
-    path = arm_figure(load_arm(arm), out or default)
-    print(f"figure: {path}")
+    path = out or Path(f"{Path(arm).stem}.png")
+    print(f"figure: {arm_figure(load_arm(arm), path)}")
 
 
 @app.command

@@ -95,22 +95,23 @@ def _print_summary(recording: "data.Recording", out: Path) -> None:
     from s2c2a.cli.console import draw_coverage
 
     sensors = ", ".join(recording.sensors)
-    text = f"{counted(recording.time.size, 'sample')} of {sensors}: {out}"
+    texts = [f"{counted(recording.time.size, 'sample')} of {sensors}: {out}"]
     if coverage := draw_coverage(recording, out):
-        text += f"; coverage: {coverage}"
+        texts.append(f"coverage: {coverage}")
     arm = recording.arm
     actions = np.concatenate([episode["actions"] for episode in recording.episodes])
-    if saturation := evaluation.describe_saturation(arm, actions):
-        text += f"; {saturation}"
+    texts.append(evaluation.describe_saturation(arm, actions))
     if "states" in recording.sensors:
         states = recording.sensor("states").reshape(-1, arm.module_count, 6)
-        text += f"; workspace: {viz.recording_figure(states, arm, Path(f'{out}.png'))}"
-        if lost := evaluation.describe_lost_states(states):
-            text += f"; {lost}"
-        if jump := evaluation.describe_jumps_of_frame(recording.episodes):
-            text += f"; {jump}"
-        if excluded := data.describe_excluded(recording):
-            text += f"; {excluded}"
+        picture = viz.recording_figure(states, arm, Path(f"{out}.png"))
+        texts += [
+            f"workspace: {picture}",
+            evaluation.describe_lost_states(states),
+            evaluation.describe_jumps_of_frame(recording.episodes),
+            data.describe_excluded(recording),
+        ]
     else:
-        text += "; without true states (tracking), no networks can be trained from it"
-    print(text)
+        texts.append(
+            "without true states (tracking), no networks can be trained from it"
+        )
+    print("; ".join(filter(None, texts)))

@@ -26,8 +26,10 @@ def demo(seed: int = 0, work: Work = ALL_CORES) -> None:
     groups = [
         jobs.jobs_for(["circle"], arm, STRATEGIES, [seed], recipe) for arm in arms
     ]
-    opened = run_directory("demo", {"seed": seed}, work, own_data=True)
-    with opened as (directory, make):
+    with run_directory("demo", {"seed": seed}, work, own_data=True) as (
+        directory,
+        make,
+    ):
         rows = []
         runs_by_arm = jobs.in_groups(make, groups)
         for arm, runs in zip(arms, runs_by_arm, strict=True):

@@ -225,8 +225,7 @@ def _print_target(goal: "Goal", reached: "Reached", arm: "ArmSpec") -> None:
     from s2c2a.spaces import POSITION
 
     module = int(np.flatnonzero(goal.position_weights)[0])
-    is_tip = module == arm.module_count - 1
-    end = "the tip" if is_tip else f"the end of module {module + 1}"
+    end = f"the {arm.name_of_end(module)}"
     verdict = "reaches" if reached.within(arm.length)[0] else "does not reach"
     miss = f"misses by {_centimeters(reached.position_errors[0])}"
     if goal.axis_weights.any():

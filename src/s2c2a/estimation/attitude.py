@@ -67,7 +67,16 @@ class Inclinometer:
             return None  # the filter would not recover from them
         if not self._repeats.is_repeated("accelerations", accelerations):
             if not self._filters:
-                self._start_filters(accelerations)
+                # start the filters, and repeat the first samples until they converge
+                count = len(accelerations)
+                repeats = round(SETTLING_TIME / self._arm.control_period) * count
+                period = self._arm.control_period / count
+                for module in range(accelerations.shape[1]):
+                    started = self._filter_class(period, tauAcc=ACCELERATION_TIME)
+                    mean = accelerations[:, module].mean(axis=0)
+                    steady = np.tile(mean, (repeats, 1))
+                    _down(started, steady, np.zeros_like(steady))
+                    self._filters.append(started)
             self._inclinations = np.stack(
                 [
                     _down(
@@ -77,17 +86,6 @@ class Inclinometer:
                 ]
             )
         return self._inclinations
-
-    def _start_filters(self, accelerations: np.ndarray) -> None:
-        """Start the filters, and repeat the first samples until they converge."""
-        period = self._arm.control_period / len(accelerations)
-        repeats = round(SETTLING_TIME / self._arm.control_period) * len(accelerations)
-        for module in range(accelerations.shape[1]):
-            attitude_filter = self._filter_class(period, tauAcc=ACCELERATION_TIME)
-            mean = accelerations[:, module].mean(axis=0)
-            steady = np.tile(mean, (repeats, 1))
-            _down(attitude_filter, steady, np.zeros_like(steady))
-            self._filters.append(attitude_filter)
 
 
 def _down(

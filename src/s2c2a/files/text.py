@@ -7,7 +7,7 @@ import re
 import stat
 import tomllib
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from io import BufferedReader
 from pathlib import Path
 from typing import Any
@@ -112,14 +112,19 @@ def keep_manifest(folder: str | os.PathLike) -> None:
 
 
 @contextmanager
-def manifests_of_one_command() -> Iterator[None]:
-    """End the manifests that are begun within."""
-    before = set(_kept)
+def restored(kept: set | dict) -> Iterator[None]:
+    """Restore a set or a dictionary afterwards."""
+    before = kept.copy()
     try:
         yield
     finally:
-        _kept.clear()
-        _kept.update(before)
+        kept.clear()
+        kept.update(before)
+
+
+def manifests_of_one_command() -> AbstractContextManager[None]:
+    """End the manifests that are begun within."""
+    return restored(_kept)
 
 
 def list_in_manifest(path: Path, content: Path | None = None) -> None:

@@ -9,6 +9,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from graphlib import TopologicalSorter
+from itertools import islice
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -86,14 +87,8 @@ def in_groups(
     make: Callable[[list[Given]], list[Result]], groups: Sequence[Sequence[Given]]
 ) -> list[list[Result]]:
     """Make the artifacts of several lists together, and return a list for each."""
-    results = make([artifact for group in groups for artifact in group])
-    grouped = []
-    begin = 0
-    for group in groups:
-        end = begin + len(group)
-        grouped.append(results[begin:end])
-        begin = end
-    return grouped
+    results = iter(make([artifact for group in groups for artifact in group]))
+    return [list(islice(results, len(group))) for group in groups]
 
 
 def made(artifact: Artifact[Made], cache: Cache, progress: Progress = quiet) -> Made:

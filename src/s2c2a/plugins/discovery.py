@@ -12,12 +12,13 @@ Python call was given, and those in an arm or recipe file given by its path.
 import importlib
 import sys
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any, TypeVar
 
 from s2c2a.errors import S2C2AError, UntrustedCodeError, did_you_mean
+from s2c2a.files.text import restored
 
 Result = TypeVar("Result")
 
@@ -100,15 +101,9 @@ def located(name: str, file: str) -> Path:
     return Path(file)
 
 
-@contextmanager
-def trust_of_one_command() -> Iterator[None]:
+def trust_of_one_command() -> AbstractContextManager[None]:
     """Forget afterwards what is trusted within: the next command names its own code."""
-    before = dict(_trusted)
-    try:
-        yield
-    finally:
-        _trusted.clear()
-        _trusted.update(before)
+    return restored(_trusted)
 
 
 def trusted_code() -> tuple[tuple[str, Path | None], ...]:

@@ -64,11 +64,8 @@ class RobotFactory:
 
         Options are those of `SimulatedRobot`.
         """
-        pairs: list[tuple[str, Any]] = [("fidelity", fidelity)]
-        for name, value in options.items():
-            if value:
-                pairs.append((name, value))
-        return cls(SIMULATED, tuple(pairs))
+        given = [(name, value) for name, value in options.items() if value]
+        return cls(SIMULATED, (("fidelity", fidelity), *given))
 
     @property
     def simulated(self) -> bool:
@@ -123,9 +120,7 @@ class RobotFactory:
     def _make_robot(self, arm: ArmSpec, defaults: Mapping[str, Any]) -> Robot:
         cls = robot_class(self.name)
         parameters = dict(list(named_parameters(cls).items())[1:])  # after the arm
-        options = {
-            name: value for name, value in defaults.items() if name in parameters
-        }
+        options = {name: defaults[name] for name in defaults if name in parameters}
         for name, value in self.options:
             options[name] = convert_option(cls, parameters, name, value)
         for name, parameter in parameters.items():

@@ -38,17 +38,12 @@ def align_states(
         if is_known.sum() > 1:
             moments, rows = np.unique(exposures[is_known], return_index=True)
             frames = values[is_known][rows]
-            aligned[:, module] = _interpolate(times, moments, frames)
+            is_between = (times >= moments[0]) & (times <= moments[-1])
+            after = np.clip(np.searchsorted(moments, times), 1, len(moments) - 1)
+            gaps = moments[after] - moments[after - 1]
+            columns = [np.interp(times, moments, column) for column in frames.T]
+            found = np.stack(columns, axis=-1)
+            found[:, AXIS] /= np.linalg.norm(found[:, AXIS], axis=-1, keepdims=True)
+            is_close = is_between & (gaps <= MAX_GAP)
+            aligned[is_close, module] = found[is_close]
     return aligned
-
-
-def _interpolate(times: np.ndarray, moments: np.ndarray, frames: np.ndarray):
-    """The states of one module at `times`, between frames at rising `moments`."""
-    is_between = (times >= moments[0]) & (times <= moments[-1])
-    after = np.clip(np.searchsorted(moments, times), 1, len(moments) - 1)
-    gaps = moments[after] - moments[after - 1]
-    columns = [np.interp(times, moments, column) for column in frames.T]
-    states = np.stack(columns, axis=-1)
-    states[:, AXIS] /= np.linalg.norm(states[:, AXIS], axis=-1, keepdims=True)
-    is_close = is_between & (gaps <= MAX_GAP)
-    return np.where(is_close[:, None], states, np.nan)

@@ -13,7 +13,7 @@ from s2c2a.estimation.sensor_models import PREFIX
 from s2c2a.models.prior import pooled
 from s2c2a.strategies.options import NetworkProgress
 from s2c2a.strategies.recipe import Recipe
-from s2c2a.strategies.s2c2a import training_data
+from s2c2a.strategies.s2c2a import training_data, with_controller
 from s2c2a.strategies.trained import TrainedNetworks
 from s2c2a.training import TrainingData
 from s2c2a.training.fit import random_key
@@ -56,17 +56,10 @@ def pretrain_s2c2a(
             )
         arms.append(replace(training_data(recording, recipe), arm=seen_arm))
     c2s_progress = partial(progress, "C2S")
-    c2a_progress = partial(progress, "C2A")
     prior = recipe.c2s.pretrain(arms, recipe.c2s_fit, c2s_key, c2s_progress)
     some = _every_nth_episode(pooled(arms), recipe.episodes)
-    c2a = recipe.c2a.train(
-        some, recipe.history_noise, recipe.c2a_fit, c2a_key, c2a_progress
-    )
-    predicted = recipe.c2s.predictions(prior.network, some)
-    trained = {"C2S": prior, "C2A": c2a}
-    for name, result in recipe.estimator_options.train(some, predicted).items():
-        if not name.startswith(PREFIX):
-            trained[name] = result
+    whole = with_controller(prior, some, recipe, c2a_key, progress)
+    trained = {name: whole[name] for name in whole if not name.startswith(PREFIX)}
     return TrainedNetworks(arm, recipe, seed, trained)
 
 

@@ -128,10 +128,8 @@ def train_s2c2a(
     sensor_key = jax.random.fold_in(key, SENSOR_KEY)
 
     c2s_progress = partial(progress, "C2S")
-    c2a_progress = partial(progress, "C2A")
-    estimator = recipe.estimator_options
     # first: a recording may hold too few samples of a sensor
-    sensors = estimator.train_sensors(recording, sensor_key, progress)
+    sensors = recipe.estimator_options.train_sensors(recording, sensor_key, progress)
     if start is not None:
         check_prior(start, data.arm, recipe)
         # a short recording has few batches in an epoch
@@ -152,13 +150,24 @@ def train_s2c2a(
             trained={**start.trained, "C2S": c2s, **sensors},
         )
     c2s = recipe.c2s.train(data, recipe.c2s_fit, c2s_key, c2s_progress)
+    trained = with_controller(c2s, data, recipe, c2a_key, progress)
+    return TrainedNetworks(recording.arm, recipe, seed, trained | sensors)
+
+
+def with_controller(
+    c2s: Trained,
+    data: TrainingData,
+    recipe: Recipe,
+    key: PRNGKeyArray,
+    progress: NetworkProgress,
+) -> dict[str, Trained]:
+    """A forward model, and the controller and the estimator that are trained beside it."""
+    c2a_progress = partial(progress, "C2A")
     c2a = recipe.c2a.train(
-        data, recipe.history_noise, recipe.c2a_fit, c2a_key, c2a_progress
+        data, recipe.history_noise, recipe.c2a_fit, key, c2a_progress
     )
     predicted = recipe.c2s.predictions(c2s.network, data)
-    trained: dict[str, Trained] = {"C2S": c2s, "C2A": c2a}
-    trained |= estimator.train(data, predicted) | sensors
-    return TrainedNetworks(recording.arm, recipe, seed, trained)
+    return {"C2S": c2s, "C2A": c2a, **recipe.estimator_options.train(data, predicted)}
 
 
 def check_prior(start: TrainedNetworks, arm: ArmSpec, recipe: Recipe) -> None:

@@ -50,7 +50,18 @@ def covering_spheres(file: Path, most: int) -> Cover:
         TargetError: the file is missing, cannot be read, takes too much memory, or holds
             no triangles, or the package `trimesh` is missing.
     """
-    centers, depths, edges = _voxels(file)
+    if not file.is_file() or file.suffix.lower() not in FORMATS:
+        raise TargetError(
+            f"no mesh {file}; give a file of triangles ({', '.join(FORMATS)}) beside the "
+            "scene file"
+        )
+    try:
+        centers, depths, edges = arrays_of_child(PROGRAM, str(file), str(RESOLUTION))
+    except ChildError as error:
+        raise TargetError(
+            f"the mesh {file} cannot be used: {error}. Spheres cover it coarsely: a mesh of "
+            "few triangles does"
+        ) from error
     pitch = float(edges.max()) / RESOLUTION
     low, high = 0.0, 2.0 * RESOLUTION * pitch
     best = _cover(centers, depths + high, pitch, most)
@@ -64,26 +75,6 @@ def covering_spheres(file: Path, most: int) -> Cover:
             f"{file} cannot be covered by {counted(most, 'sphere')}; allow more"
         )
     return Cover(best, high + pitch, edges)
-
-
-def _voxels(file: Path) -> list[np.ndarray]:
-    """Centers of the voxels within the solid, their distances from outside, and `Cover.edges`.
-
-    Raises:
-        TargetError: see `covering_spheres`.
-    """
-    if not file.is_file() or file.suffix.lower() not in FORMATS:
-        raise TargetError(
-            f"no mesh {file}; give a file of triangles ({', '.join(FORMATS)}) beside the "
-            "scene file"
-        )
-    try:
-        return arrays_of_child(PROGRAM, str(file), str(RESOLUTION))
-    except ChildError as error:
-        raise TargetError(
-            f"the mesh {file} cannot be used: {error}. Spheres cover it coarsely: a mesh of "
-            "few triangles does"
-        ) from error
 
 
 def _cover(

@@ -33,14 +33,12 @@ def remarks(task: Task, arm: ArmSpec, by_arcs: bool = True) -> Iterator[str]:
         track = Waypoints(int(module), times[::stride], positions, None)
         far = unreachable_waypoints([track], arm)
         if far:
-            is_tip = module == arm.module_count - 1
-            end = "the tip" if is_tip else f"the end of module {module + 1}"
             gap = 100.0 * max(point.gap for point in far)
             is_far = np.isin(track.times, [point.time for point in far])
             is_far = is_far.repeat(stride)[: len(times)]
             yield (
                 f"out of reach by up to {gap:.2f} cm, if modules bend as arcs: targets "
-                f"of {end} at {time_spans(is_far, arm)}"
+                f"of the {arm.name_of_end(int(module))} at {time_spans(is_far, arm)}"
             )
     if is_given.any() and (desired[is_given][:, 2] < 0.0).all():
         yield f"all targets have z < 0, behind the base: {BEHIND}"

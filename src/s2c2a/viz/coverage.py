@@ -4,7 +4,7 @@ The workspace of the tip does not show whether the modules bent against each oth
 (`evaluation.coverage`).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from textwrap import fill
@@ -82,11 +82,10 @@ def coverage_image(episodes: Sequence[Episode]) -> UInt8[np.ndarray, "height wid
 
 def _coverage(coverage: Coverage, columns: int) -> Figure:
     """All panels, in rows of some columns."""
-    panels: list[Callable[[Figure, SubplotSpec], None]] = []
-    for inner in range(coverage.arm.module_count - 1):
-        panels.append(partial(_draw_pair, coverage, inner))
+    pairs = range(coverage.arm.module_count - 1)
+    panels = [partial(_draw_pair, coverage, inner) for inner in pairs]
     if not panels:
-        panels.append(partial(_draw_bend_plane, coverage))
+        panels = [partial(_draw_bend_plane, coverage)]
     panels.append(partial(_draw_speeds, coverage))
     columns = min(columns, len(panels))
     rows = -(-len(panels) // columns)

@@ -78,9 +78,7 @@ def _draw_regions(
     axes: Axes, ends: Points, goals: Goal, module: int, arm: ArmSpec, view: View
 ) -> None:
     """Draw the projection of all ends, and those beside the only target."""
-    is_tip = module == arm.module_count - 1
-    end = "tip" if is_tip else f"end of module {module + 1}"
-    label = f"{end} at rest"
+    label = f"{arm.name_of_end(module)} at rest"
     # points with their copies, turned about the base's z axis
     x, y, z = ends.T
     cosines, sines = np.cos(TURNS)[:, None], np.sin(TURNS)[:, None]

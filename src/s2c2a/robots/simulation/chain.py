@@ -202,8 +202,19 @@ def _add_chain(
             body = body.add_body(
                 name=f"body_{number}_{segment}", pos=(0, 0, end + half.length)
             )
-            if segment == fidelity.segments // 2:
-                _add_slide(body, half.module, number)
+            # axial compliance: one slide joint, which moves the end within 0.2 mm of one
+            # for each segment
+            nominal = half.module.nominal
+            is_middle = segment == fidelity.segments // 2
+            if is_middle and nominal.mismatch.axial_stiffness is not None:
+                stiffness = nominal.mismatch.axial_stiffness / nominal.length
+                body.add_joint(
+                    name=slide_name(number),
+                    type=mujoco.mjtJoint.mjJNT_SLIDE,
+                    axis=(0, 0, 1),
+                    stiffness=stiffness,
+                    damping=stiffness * nominal.damping_time,
+                )
             _add_joints(body, half.module, number, segment, fidelity)
             following: _HalfSegment | None = half
             if segment == last_segment:
@@ -221,24 +232,6 @@ def _add_chain(
                 )
             end = half.length
         body.add_site(name=f"end_{number}", pos=(0, 0, half.length))
-
-
-def _add_slide(body, module: MismatchedModule, number: int) -> None:
-    """Add a slide joint in the middle of a module with axial compliance.
-
-    One slide moves the end within 0.2 mm of one slide per segment.
-    """
-    nominal = module.nominal
-    if nominal.mismatch.axial_stiffness is None:
-        return
-    stiffness = nominal.mismatch.axial_stiffness / nominal.length
-    body.add_joint(
-        name=slide_name(number),
-        type=mujoco.mjtJoint.mjJNT_SLIDE,
-        axis=(0, 0, 1),
-        stiffness=stiffness,
-        damping=stiffness * nominal.damping_time,
-    )
 
 
 def _add_joints(

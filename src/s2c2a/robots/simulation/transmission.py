@@ -161,7 +161,13 @@ class CableTransmission:
                 self.crept = self.crept + shares[step] * (target - self.crept)
                 creep_path[step] = self.crept
             path = path - creep_path
-        low, high = self._friction_band(path, tensions, bend_angles)
+        # the band around the motors' path in which the modules' side sticks
+        exponent = self._friction_exponent(bend_angles)
+        if self._tension_driven:
+            low, high = path * np.exp(-exponent), path * np.exp(exponent)
+        else:
+            width = self._backlash + tensions * np.expm1(exponent) / self._stiffness
+            low, high = path - width, path + width
         if creeps:
             transmitted = play_along(self.transmitted, low, high)
         else:
@@ -184,16 +190,6 @@ class CableTransmission:
                 move yet.
         """
         return tensions * np.exp(winding * self._friction_exponent(bend_angles))
-
-    def _friction_band(
-        self, path: CablePath, tensions: np.ndarray, bend_angles: np.ndarray
-    ) -> tuple[CablePath, CablePath]:
-        """Return the band around the motors' path in which the modules' side sticks."""
-        exponent = self._friction_exponent(bend_angles)
-        if self._tension_driven:
-            return path * np.exp(-exponent), path * np.exp(exponent)
-        width = self._backlash + tensions * np.expm1(exponent) / self._stiffness
-        return path - width, path + width
 
     def _friction_exponent(self, bend_angles: np.ndarray) -> np.ndarray:
         """Return friction coefficient times wrap angle.
