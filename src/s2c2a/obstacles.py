@@ -53,11 +53,7 @@ def distances(
     return _outside(xp.stack([across, excess[..., 2]], axis=-1))
 
 
-def turned(
-    vectors: Vectors,
-    axes: Vectors,
-    last: Float[Any, "*batch 1"],
-) -> Vectors:
+def turned(vectors: Vectors, axes: Vectors, last: Float[Any, "*batch 1"]) -> Vectors:
     """Vectors turned by unit quaternions, given as their first three numbers and their last."""
     xp = vectors.__array_namespace__()
     half = xp.cross(axes, vectors)

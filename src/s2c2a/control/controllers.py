@@ -32,12 +32,7 @@ class Controller(eqx.Module):
         """Memory of an arm at rest."""
 
     @abstractmethod
-    def act(
-        self,
-        desired: Configuration,
-        sensed: Configuration,
-        memory: Memory,
-    ):
+    def act(self, desired: Configuration, sensed: Configuration, memory: Memory):
         """The next action.
 
         Args:
@@ -74,12 +69,7 @@ class InversePCC(Controller):
         """See `Controller`: the memory is empty."""
         return ()
 
-    def act(
-        self,
-        desired: Configuration,
-        sensed: Configuration,
-        memory: Memory,
-    ):
+    def act(self, desired: Configuration, sensed: Configuration, memory: Memory):
         bends = bends_from_configurations(desired) * self.gains[:, None]
         return self.pcc.actions(bends), memory
 
@@ -101,12 +91,7 @@ class NetworkController(Controller):
         _, cables = self.network.sum_and_range.neutral.shape
         return History.at_rest(sensed, cables)
 
-    def act(
-        self,
-        desired: Configuration,
-        sensed: Configuration,
-        memory: History,
-    ):
+    def act(self, desired: Configuration, sensed: Configuration, memory: History):
         history = History(pushed(memory.configurations, sensed), memory.actions)
         action = self.network(desired, history)
         next_history = History(history.configurations, pushed(history.actions, action))

@@ -139,11 +139,7 @@ def step_lengths(tips: Vectors) -> PerStep:
     return 100.0 * lengths
 
 
-def tip_drifts(
-    tips: Vectors,
-    obstacles: ObstacleRows,
-    far_clearance: float,
-) -> PerStep:
+def tip_drifts(tips: Vectors, obstacles: ObstacleRows, far_clearance: float) -> PerStep:
     """`stillness` [cm]: distance of the tip from where it was when obstacles got far.
 
     NaN in steps with an obstacle that is not far.

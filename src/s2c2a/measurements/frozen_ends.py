@@ -22,9 +22,12 @@ _CALM_SHARE = 0.05  # of the steps: those in which drives rest most
 _ARITHMETIC = 1e-10  # relative error of numbers that were computed
 _LONGEST = 64  # rows over which motion is compared; a longer run shows no more
 
+Drives = Float[np.ndarray, "rows drives"]
+Points = Float[np.ndarray, "rows 3"]
+
 
 def find_frozen(
-    drives: Float[np.ndarray, "rows drives"],
+    drives: Drives,
     poses: Float[np.ndarray, "rows numbers"],
     stretches: Int[np.ndarray, " rows"],
 ) -> Bool[np.ndarray, " rows"]:
@@ -62,10 +65,7 @@ class _Rows:
     """Rows with a pose: how far do ends move while drives change by as much?"""
 
     def __init__(
-        self,
-        drives: Float[np.ndarray, "rows drives"],
-        positions: Float[np.ndarray, "rows 3"],
-        stretches: Int[np.ndarray, " rows"],
+        self, drives: Drives, positions: Points, stretches: Int[np.ndarray, " rows"]
     ):
         self._drives = drives / (drives.std(axis=0) + 1e-12)
         self._positions = positions
@@ -117,7 +117,7 @@ class _Rows:
         like = tree.query(self._changes(np.array([last]), lag)[0], k=count)[1]
         return np.median(motions[np.atleast_1d(like)], axis=0)
 
-    def _motions(self, lag: int) -> tuple[KDTree, Float[np.ndarray, "rows 3"]]:
+    def _motions(self, lag: int) -> tuple[KDTree, Points]:
         """Changes of the drives over some rows, and motions of the end meanwhile."""
         if lag not in self._trees:
             last = np.arange(lag, len(self))

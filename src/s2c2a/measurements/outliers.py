@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float, Int
 
 from s2c2a.arm.tracking import MOUNTING, STRETCH
 from s2c2a.errors import counted
-from s2c2a.measurements.frozen_ends import MIN_ROWS, find_frozen
+from s2c2a.measurements.frozen_ends import MIN_ROWS, Drives, Points, find_frozen
 
 PoseMask = Bool[np.ndarray, "rows ends"]
 EndVectors = Float[np.ndarray, "rows ends 3"]
@@ -49,7 +49,7 @@ class MeasuredEnds(NamedTuple):
             (rows,).
     """
 
-    drives: Float[np.ndarray, "rows drives"]
+    drives: Drives
     positions: EndVectors
     axes: EndVectors
     stretches: Int[np.ndarray, " rows"]
@@ -175,7 +175,7 @@ def _channels(values: EndVectors) -> Iterator[np.ndarray]:
     return iter(np.swapaxes(values, 0, 1))
 
 
-def _spread(values: Float[np.ndarray, "rows 3"]) -> float:
+def _spread(values: Points) -> float:
     """Median distance from the center [m]; zero without known values."""
     known = values[np.isfinite(values).all(axis=1)]
     if not len(known):
@@ -197,7 +197,7 @@ def _predict(ends: MeasuredEnds, values: EndVectors) -> EndVectors:
     return predicted
 
 
-def _features(drives: Float[np.ndarray, "rows drives"], rows: int) -> np.ndarray:
+def _features(drives: Drives, rows: int) -> np.ndarray:
     """Quadratic features; linear ones for a fit to few rows."""
     spread = np.maximum(drives.std(axis=0), np.finfo(float).eps)
     scaled = (drives - np.median(drives, axis=0)) / spread
@@ -223,11 +223,7 @@ def _robust_weights(features: np.ndarray, values: np.ndarray) -> np.ndarray:
     return weights
 
 
-def _find_jumps(
-    values: EndVectors,
-    predicted: EndVectors,
-    least: float,
-) -> PoseMask:
+def _find_jumps(values: EndVectors, predicted: EndVectors, least: float) -> PoseMask:
     """Poses that neither the drives nor the neighbors in time explain.
 
     Args:
@@ -250,9 +246,7 @@ def _find_jumps(
 
 
 def _leaps(
-    places: Float[np.ndarray, "rows 3"],
-    residuals: Float[np.ndarray, "rows 3"],
-    least: float,
+    places: Points, residuals: Points, least: float
 ) -> Bool[np.ndarray, " rows"]:
     """Rows with a large error that arises at once after the last sound row."""
     errors = np.linalg.norm(residuals, axis=1)

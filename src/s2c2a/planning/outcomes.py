@@ -116,11 +116,7 @@ def judge(
         return fall <= STILL * longest * situation.length
 
     reached = jnp.isnan(error) | (error <= SIGNIFICANT * situation.length)
-    blocked = jax.lax.cond(
-        reached,
-        lambda: jnp.asarray(False),
-        is_blocked,
-    )
+    blocked = jax.lax.cond(reached, lambda: jnp.asarray(False), is_blocked)
     step = largest_bend(planned.bends - situation.last.bends)
     still = step < STILL * situation.longest_step
     solved = jnp.where(still, Outcome.STALLED, Outcome.MOVING)

@@ -1,10 +1,6 @@
 """Strategies: state estimator, planner and controller, composed and chosen by name."""
 
-from s2c2a.strategies.files import (
-    check_new_networks,
-    load_networks,
-    save_networks,
-)
+from s2c2a.strategies.files import check_new_networks, load_networks, save_networks
 from s2c2a.strategies.options import NetworkProgress, RunOptions, StrategyOptions
 from s2c2a.strategies.pcc import fitted_gains, pcc_strategy
 from s2c2a.strategies.prior import pretrain_s2c2a

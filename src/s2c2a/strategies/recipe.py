@@ -27,13 +27,7 @@ from s2c2a.estimation import (
     UnitLengthMap,
     configuration_map_for,
 )
-from s2c2a.files.text import (
-    LARGEST,
-    MAX_COUNT,
-    parse_toml,
-    read_text,
-    write_atomically,
-)
+from s2c2a.files.text import LARGEST, MAX_COUNT, parse_toml, read_text, write_atomically
 from s2c2a.files.validation import explained, unknown_key
 from s2c2a.models import C2SOptions, ForwardOptions, LocalOptions
 from s2c2a.models.registry import MODELS
@@ -340,10 +334,7 @@ def _keys() -> Iterator[str]:
                 yield f"{path}.{key.name}"
 
 
-def recipe_in(
-    table: dict[str, Any],
-    find: Callable[[Registry, str], type],
-) -> Recipe:
+def recipe_in(table: dict[str, Any], find: Callable[[Registry, str], type]) -> Recipe:
     """Validate the table of a recipe.
 
     Args:

@@ -214,9 +214,7 @@ def standing(obstacles: Obstacles) -> np.ndarray:
     return np.isfinite(obstacles).all(axis=-1) & (obstacles[..., THRESHOLD] > 0)
 
 
-def modules_with_goal(
-    desired: Goals,
-) -> Int[np.ndarray, " goals"]:
+def modules_with_goal(desired: Goals) -> Int[np.ndarray, " goals"]:
     """Indices of the modules with a finite desired vector at any time."""
     return np.flatnonzero(np.isfinite(desired).all(axis=-1).any(axis=0))
 

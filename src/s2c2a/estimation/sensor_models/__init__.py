@@ -36,11 +36,7 @@ SENSOR_MODELS: tuple[type[SensorModel], ...] = (
     CameraSensor,
 )
 """Sensor models of the package, in the order of their filter updates."""
-FORMULAS: Registry[FormulaSensor] = Registry(
-    "sensor_model",
-    FormulaSensor,
-    {},
-)
+FORMULAS: Registry[FormulaSensor] = Registry("sensor_model", FormulaSensor, {})
 """Formulas of the user's own sensors, which the arm file names."""
 
 

@@ -39,6 +39,11 @@ MIN_NOISE = 0.005
 MIN_BIAS = 0.05
 MIN_DRIFT = 3e-3
 
+SampleValues = Float[np.ndarray, "samples values"]
+PerValue = Float[np.ndarray, " values"]
+Chosen = Bool[np.ndarray, " samples"]
+Numbering = Int[np.ndarray, " samples"]
+
 
 class SensorSamples(NamedTuple):
     """Measurements of a sensor with the true bends, one row a sample.
@@ -51,9 +56,9 @@ class SensorSamples(NamedTuple):
     """
 
     bends: Float[np.ndarray, "samples bends"]
-    values: Float[np.ndarray, "samples values"]
-    episode: Int[np.ndarray, " samples"]
-    step: Int[np.ndarray, " samples"]
+    values: SampleValues
+    episode: Numbering
+    step: Numbering
 
     @classmethod
     def of(
@@ -81,7 +86,7 @@ class SensorSamples(NamedTuple):
             flat_bends[usable], flat_values[usable], episode[usable], step[usable]
         )
 
-    def batch(self, scaling: Scaling, chosen: Bool[np.ndarray, " samples"]) -> Batch:
+    def batch(self, scaling: Scaling, chosen: Chosen) -> Batch:
         """Some of the samples, with scaled values."""
         return {
             "bends": jnp.asarray(self.bends[chosen]),
@@ -149,15 +154,13 @@ def train_sensor(
     return Trained(network, curve, percent)
 
 
-def _held_out_and_seen(
-    step: Int[np.ndarray, " samples"],
-) -> tuple[Bool[np.ndarray, " samples"], Bool[np.ndarray, " samples"]]:
+def _held_out_and_seen(step: Numbering) -> tuple[Chosen, Chosen]:
     """Samples that judge, and those that train, by their steps in an episode.
 
     Half a block on either side does neither: neighbors in time are alike.
     """
 
-    def is_held_out(steps: Int[np.ndarray, " samples"]) -> Bool[np.ndarray, " samples"]:
+    def is_held_out(steps: Numbering) -> Chosen:
         return steps // BLOCK % BLOCKS_PER_TEST == BLOCKS_PER_TEST - 1
 
     gap = BLOCK // 2
@@ -179,7 +182,7 @@ def _predict(
 
 def _with_errors(
     network: SensorNetwork, samples: SensorSamples, period: float
-) -> tuple[SensorNetwork, Float[np.ndarray, "samples values"]]:
+) -> tuple[SensorNetwork, SampleValues]:
     """The network with its hysteresis and errors, and its predictions with biases."""
     half_range = np.asarray(network.scaling.half_range)
     predicted = np.asarray(_predict(network, jnp.asarray(samples.bends)))
@@ -220,10 +223,8 @@ def _with_errors(
 
 
 def with_backlash(
-    samples: SensorSamples,
-    predicted: Float[np.ndarray, "samples values"],
-    half_widths: Float[np.ndarray, " values"],
-) -> Float[np.ndarray, "samples values"]:
+    samples: SensorSamples, predicted: SampleValues, half_widths: PerValue
+) -> SampleValues:
     """Predictions behind a play operator; every episode starts in its middle."""
     lagging = predicted.copy()
     continues = np.append(False, samples.episode[1:] == samples.episode[:-1])
@@ -234,9 +235,7 @@ def with_backlash(
     return lagging
 
 
-def _change(
-    samples: SensorSamples, residuals: np.ndarray, lag: int
-) -> Float[np.ndarray, " values"]:
+def _change(samples: SensorSamples, residuals: np.ndarray, lag: int) -> PerValue:
     """Mean square of the change over a lag [samples]; NaN if no episode is as long."""
     same_episode = samples.episode[lag:] == samples.episode[:-lag]
     no_gap = samples.step[lag:] - samples.step[:-lag] == lag
@@ -244,9 +243,7 @@ def _change(
     return _mean(changes[same_episode & no_gap] ** 2)
 
 
-def _std_within_episodes(
-    samples: SensorSamples, residuals: np.ndarray
-) -> Float[np.ndarray, " values"]:
+def _std_within_episodes(samples: SensorSamples, residuals: np.ndarray) -> PerValue:
     """Standard deviation about the mean of each episode."""
     means = _episode_means(samples, residuals)[samples.episode]
     return np.sqrt(_mean((residuals - means) ** 2))
@@ -260,7 +257,7 @@ def _episode_means(
     return np.stack([_mean(values[samples.episode == number]) for number in episodes])
 
 
-def _mean(values: np.ndarray) -> Float[np.ndarray, " values"]:
+def _mean(values: np.ndarray) -> PerValue:
     """Mean of the known values; NaN where none is known."""
     is_known = np.isfinite(values)
     counts = is_known.sum(axis=0).astype(float)
