@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from s2c2a.arm.spec import ArmSpec, counts_of
-from s2c2a.spaces import AXIS, CENTER_LINE_POINTS, POSITION
+from s2c2a.spaces import AXIS, CENTER_LINE_POINTS, POSITION, Actions, Bends
 
 
 def per_module(arm: ArmSpec, key: str) -> np.ndarray:
@@ -233,9 +233,7 @@ class ArmGeometry:
             action_high=high,
         )
 
-    def actions_at(
-        self, shares: Float[np.ndarray, "*batch modules 2"]
-    ) -> Float[np.ndarray, "*batch modules cables"]:
+    def actions_at(self, shares: Bends) -> Actions:
         """Return the actions [m or N] for shares v of the full bend.
 
         Args:
@@ -245,9 +243,7 @@ class ArmGeometry:
         actions = self.action_neutral + self.action_scale[:, None] * directions
         return raised(actions, self.action_low, self.balance)
 
-    def bends_of(
-        self, cables: Float[np.ndarray, "*batch modules cables"]
-    ) -> Float[np.ndarray, "*batch modules 2"]:
+    def bends_of(self, cables: Actions) -> Bends:
         """Return the bends that cables hold, which common motion does not change.
 
         Args:
@@ -258,9 +254,7 @@ class ArmGeometry:
         einsum = cables.__array_namespace__().einsum
         return einsum("mkc,...mc->...mk", self.bend_matrices, cables)
 
-    def commanded_bends(
-        self, actions: Float[np.ndarray, "*batch modules cables"]
-    ) -> Float[np.ndarray, "*batch modules 2"]:
+    def commanded_bends(self, actions: Actions) -> Bends:
         """Return the bends of modules without losses [rad] that actions command.
 
         Args:

@@ -9,7 +9,7 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 from pydantic import ConfigDict
 
 from s2c2a.arm import ArmGeometry
@@ -20,7 +20,7 @@ from s2c2a.files.text import atomic_write, write_atomically
 from s2c2a.kinematics import bends_from_configurations
 from s2c2a.measurements.frame_jumps import describe_frame_jump, find_frame_jumps
 from s2c2a.planning import SIGNIFICANT, Outcome
-from s2c2a.spaces import POSITION, Stage
+from s2c2a.spaces import POSITION, Stage, States
 
 PLAN_OUTCOMES = {
     Outcome.STALLED: "the planner stood still short of its goal",
@@ -168,7 +168,7 @@ def describe_jumps_of_frame(episodes: Sequence[Episode]) -> str:
     return ""
 
 
-def describe_lost_states(states: Float[np.ndarray, "*batch modules 6"]) -> str:
+def describe_lost_states(states: States) -> str:
     """Describe which module ends have no state, and how often; empty if all have."""
     is_lost = np.isnan(states).any(axis=-1).reshape(-1, states.shape[-2])
     if not len(is_lost):

@@ -1,7 +1,6 @@
 """Saturation: commands at the limits of their range, not those of their rate."""
 
 import numpy as np
-from jaxtyping import Float
 
 from s2c2a.arm import ArmSpec
 from s2c2a.arm.geometry import cables_present
@@ -9,11 +8,10 @@ from s2c2a.arm.spec import REQUIRED
 from s2c2a.episodes import Episode
 from s2c2a.evaluation.report import RARE
 from s2c2a.runtime.limits import EQUAL, command_range
+from s2c2a.spaces import Actions
 
 
-def describe_saturation(
-    arm: ArmSpec, actions: Float[np.ndarray, "*batch modules cables"]
-) -> str:
+def describe_saturation(arm: ArmSpec, actions: Actions) -> str:
     """Describe how often sent commands were at a limit of their range, and which cable.
 
     Args:
