@@ -264,6 +264,12 @@ class ArmGeometry:
         return self.bends_of(shares) * self.action_bends[:, None]
 
 
+def name_of_end(arm: ArmSpec, module: int) -> str:
+    """Return the name of a module's end in sentences, after "the"."""
+    is_tip = module == arm.module_count - 1
+    return "tip" if is_tip else f"end of module {module + 1}"
+
+
 def hermite_weights(
     shares: Float[np.ndarray, " points"],
 ) -> Float[np.ndarray, "4 points"]:

@@ -512,11 +512,6 @@ class ArmSpec(Frozen):
             cables = f"{', '.join(map(str, counts[:-1]))} and {cables}"
         return f"{counted(len(counts), 'module')} of {cables}"
 
-    def name_of_end(self, module: int) -> str:
-        """Name of a module's end in sentences, after "the"."""
-        is_tip = module == self.module_count - 1
-        return "tip" if is_tip else f"end of module {module + 1}"
-
     @property
     def length(self) -> float:
         """Length of the straight arm [m]."""

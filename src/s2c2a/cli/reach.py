@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 import tyro
 
+from s2c2a.arm.geometry import name_of_end
 from s2c2a.cli.console import (
     Count,
     OptionalArm,
@@ -225,7 +226,7 @@ def _print_target(goal: "Goal", reached: "Reached", arm: "ArmSpec") -> None:
     from s2c2a.spaces import POSITION
 
     module = int(np.flatnonzero(goal.position_weights)[0])
-    end = f"the {arm.name_of_end(module)}"
+    end = f"the {name_of_end(arm, module)}"
     verdict = "reaches" if reached.within(arm.length)[0] else "does not reach"
     miss = f"misses by {_centimeters(reached.position_errors[0])}"
     if goal.axis_weights.any():

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from s2c2a.arm import ArmSpec
+from s2c2a.arm.geometry import name_of_end
 from s2c2a.errors import listed
 from s2c2a.obstacles import CENTER, CORE, THRESHOLD, distances, is_half_space
 from s2c2a.tasks.task import Task
@@ -38,7 +39,7 @@ def remarks(task: Task, arm: ArmSpec, by_arcs: bool = True) -> Iterator[str]:
             is_far = is_far.repeat(stride)[: len(times)]
             yield (
                 f"out of reach by up to {gap:.2f} cm, if modules bend as arcs: targets "
-                f"of the {arm.name_of_end(int(module))} at {time_spans(is_far, arm)}"
+                f"of the {name_of_end(arm, int(module))} at {time_spans(is_far, arm)}"
             )
     if is_given.any() and (desired[is_given][:, 2] < 0.0).all():
         yield f"all targets have z < 0, behind the base: {BEHIND}"

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from scipy.ndimage import distance_transform_edt, gaussian_filter
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.arm.geometry import center_line
+from s2c2a.arm.geometry import center_line, name_of_end
 from s2c2a.goals import Goal
 from s2c2a.planning.reach import Reached
 from s2c2a.spaces import CENTER_LINE_POINTS, POSITION, States
@@ -78,7 +78,7 @@ def _draw_regions(
     axes: Axes, ends: Points, goals: Goal, module: int, arm: ArmSpec, view: View
 ) -> None:
     """Draw the projection of all ends, and those beside the only target."""
-    label = f"{arm.name_of_end(module)} at rest"
+    label = f"{name_of_end(arm, module)} at rest"
     # points with their copies, turned about the base's z axis
     x, y, z = ends.T
     cosines, sines = np.cos(TURNS)[:, None], np.sin(TURNS)[:, None]
