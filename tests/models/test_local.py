@@ -261,8 +261,13 @@ def test_where_cables_move_together_that_counts_too(arm):
     model = SIZE.train(
         replace(data, displacements=moved), FIT, jax.random.key(0)
     ).network
-    said = SIZE.predictions(model, replace(data, displacements=moved))
+    moving = replace(data, displacements=moved)
+    said = SIZE.predictions(model, moving)
     assert np.abs(said - data.states)[..., 2].mean() < 0.01
+    # cables apart from the data are less known
+    far = replace(data, displacements=moved + 1.0)
+    near, away = (SIZE.deviations(model, each) for each in (moving, far))
+    assert (away > near).all()
 
 
 @pytest.mark.slow
@@ -280,11 +285,11 @@ def test_away_from_the_data_the_chain_predicts_with_the_mean_residual(arm, train
 
 def test_what_the_chain_leaves_without_pattern_is_left_to_it(arm):
     data = data_of(arm)
-    noise = np.random.default_rng(0).normal(0, 0.05, data.states.shape)
+    noise = np.random.default_rng(0).normal(0, 0.2, data.states.shape)
     trained = SIZE.train(
         replace(data, states=data.states + noise), FIT, jax.random.key(0)
     )
     process = trained.network.process
     assert not process.is_fitted
     assert float(process.scale.min()) > 0.0
-    assert trained.errors["held-out samples"] > 0.02
+    assert trained.errors["held-out samples"] > 0.2

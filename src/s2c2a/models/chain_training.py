@@ -227,11 +227,18 @@ class ChainOptions(ForwardOptions):
         self, model: ForwardModel, data: TrainingData
     ) -> Float[np.ndarray, "episodes samples modules 6"]:
         """See `ForwardOptions`; uses cable displacements where they were recorded."""
-        chain: Any = getattr(model, "chain", model)
-        states = []
-        for inputs in hysteresis_inputs(chain, data):
-            states.append(np.asarray(predict_states(model, jnp.asarray(inputs))))
-        return np.stack(states)
+        return along_inputs(model, data, "states")
+
+
+def along_inputs(model: Any, data: TrainingData, output: str) -> np.ndarray:
+    """An output at every sample of all episodes, for inputs as in training."""
+    inputs = hysteresis_inputs(getattr(model, "chain", model), data)
+    return np.stack([_at_inputs(model, jnp.asarray(each), output) for each in inputs])
+
+
+@eqx.filter_jit
+def _at_inputs(model: Any, inputs: Array, output: str) -> Array:
+    return getattr(model, output)(inputs)
 
 
 class _Penalty(eqx.Module):
@@ -300,12 +307,6 @@ def shortened(fit: FitOptions, share: float) -> FitOptions:
     """Training options with a share of the epochs."""
     epochs = max(1, round(share * fit.max_epochs))
     return replace(fit, max_epochs=epochs, patience=epochs)
-
-
-@eqx.filter_jit
-def predict_states(model: Any, inputs: Array) -> Array:
-    """States for inputs of the hysteresis model, compiled."""
-    return model.states(inputs)
 
 
 def predicted_targets(model: Any, batch: Batch) -> Array:

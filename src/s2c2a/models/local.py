@@ -112,20 +112,32 @@ class LocalC2S(WrappedModel):
     def predictive_std(
         self, configurations: Configurations, memory: HysteresisMemory
     ) -> Float[Array, "*batch modules"]:
-        """See `ForwardModel`: of the process, of its samples, and of the chain's reach."""
         displacements = self.chain.body.displacements(configurations)
-        features = self.features(self.chain.inputs(displacements, memory))
-        variance = self.process.variance(features) + self.process.noise
+        return self.std_at(self.chain.inputs(displacements, memory))
+
+    def std_at(
+        self, inputs: Float[Array, "*batch modules inputs cables"]
+    ) -> Float[Array, "*batch modules"]:
+        """`predictive_std` for inputs of the hysteresis model.
+
+        That of the process, of its samples, and of the chain's reach.
+        """
+        variance = self.process.variance(self.features(inputs)) + self.process.noise
         # deviation of each end from its prediction, per that of the process [m]
         scales = self.process.scale.reshape(-1, 6)[:, POSITION]
         of_ends = self.unit * jnp.sqrt(jnp.sum(scales**2, axis=-1))
         near = jnp.sqrt(variance)[..., None] * of_ends
         modules = jnp.arange(1, len(self.chain.body.lengths) + 1)
-        beyond = self.extrapolation(configurations)[..., None] * modules / len(modules)
-        return jnp.hypot(near, beyond)
+        beyond = self._extrapolation_at(inputs[..., 0, :])[..., None]
+        return jnp.hypot(near, beyond * modules / len(modules))
 
     def extrapolation(self, configurations: Configurations) -> Float[Array, "*batch"]:
         displacements = self.chain.body.displacements(configurations)
+        return self._extrapolation_at(self.chain.slackened(displacements))
+
+    def _extrapolation_at(
+        self, displacements: Float[Array, "*batch modules cables"]
+    ) -> Float[Array, "*batch"]:
         relative = self.region.extrapolation(self.region_features(displacements))
         return PRIOR_STD * jnp.sum(self.chain.body.lengths) * relative
 

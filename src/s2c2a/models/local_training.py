@@ -6,18 +6,20 @@ that neither the chain nor a first fit has seen give its deviation.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from operator import attrgetter
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, PRNGKeyArray
+from jaxtyping import Float, PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
 from s2c2a.data.windows import APART, Samples, Split, forward_samples, known_samples
 from s2c2a.models.chain import LENGTH_UNIT, ChainC2S
 from s2c2a.models.chain_training import (
     ChainOptions,
+    along_inputs,
     hysteresis_inputs,
     hysteresis_samples,
     part_of,
@@ -25,6 +27,7 @@ from s2c2a.models.chain_training import (
     shortened,
 )
 from s2c2a.models.data_region import DataRegion, fit_region
+from s2c2a.models.forward_model import ForwardModel
 from s2c2a.models.local import EVERY_OTHER, LocalC2S
 from s2c2a.models.prior import pooled
 from s2c2a.models.residual_process import GAP, ResidualProcess, fit_process
@@ -36,6 +39,7 @@ from s2c2a.training.trained import Trained, TrainingData, evaluated
 FULL_BEND = 0.82  # rad; largest bend of the data for which `play_widths` hold
 MIN_REACH = 1e-3  # rad; for recordings with little motion
 HELD_OUT = "held-out samples"
+NOISES = (1.0, 3.0, 10.0)  # over that of samples that the chain has seen
 RIDGE = 0.01  # leaves physics alone; on `opencr_v4`, 0.001 and 0.1 err alike
 
 
@@ -100,6 +104,12 @@ class LocalOptions(ChainOptions):
         network = _given(model, known_samples(inputs, data.states, data.lengths))
         return replace(best, network=network)
 
+    def deviations(
+        self, model: ForwardModel, data: TrainingData
+    ) -> Float[np.ndarray, "episodes samples modules"]:
+        """See `ForwardOptions`; uses cable displacements where they were recorded."""
+        return along_inputs(model, data, "std_at")
+
     def _chain_options(self, data: TrainingData) -> ChainOptions:
         """Options of the chain, with widths of play operators for the data."""
         widths = tuple(width * _reach(data) / FULL_BEND for width in self.play_widths)
@@ -136,8 +146,7 @@ class LocalOptions(ChainOptions):
         chain = options.pretrain(arms, fit, key, progress)
         model = replace(self.untrained(together.arm, key), chain=chain.network)
         split = hysteresis_samples(model.chain, together)
-        _, scale, _ = _judged(model, split)
-        process = replace(model.process, scale=scale)
+        process = _judged(model, split).process
         model = self._with_region(replace(model, process=process), split)
         return Trained(model, chain.curve, chain.percent, spread=chain.spread)
 
@@ -157,22 +166,21 @@ class LocalOptions(ChainOptions):
         # root mean square change of the features in a second
         steps = min(max(round(data.arm.control_rate), 1), len(features) - 1)
         motion = np.sqrt(np.mean((features[steps:] - features[:-steps]) ** 2, axis=0))
-        process = fit_process(
+        fitted = fit_process(
             features,
             _residual(blank, every),
             _kinds(blank.chain),
             motion,
             self.points,
         )
-        is_better, scale, tip_errors = _judged(replace(blank, process=process), split)
-        if not is_better:
-            process = blank.process
-        process = replace(process, scale=scale)
-        model = replace(blank, process=process)
+        noises = [replace(fitted, noise=each * fitted.noise) for each in NOISES]
+        judged = [_judged(replace(blank, process=each), split) for each in noises]
+        best = min(judged, key=attrgetter("surprise"))
+        model = replace(blank, process=best.process)
         unseen = _given(model, Samples.joined([split.training, split.validation]))
         trained = evaluated(unseen, result.curve, predicted_targets, split)
         network = self._with_region(model, split)
-        return replace(trained, network=network, errors=tip_errors)
+        return replace(trained, network=network, errors=best.tip_errors)
 
     def _with_region(self, model: LocalC2S, split: Split) -> LocalC2S:
         """The model with the region of the training samples."""
@@ -185,35 +193,47 @@ class LocalOptions(ChainOptions):
         return replace(model, region=fit_region(training, held_out, self.few))
 
 
-def _judged(
-    model: LocalC2S, split: Split
-) -> tuple[bool, Float[Array, " outputs"], dict[str, float]]:
+class _Judgment(NamedTuple):
+    """Chain and process on samples that they have not seen.
+
+    Attributes:
+        process: with the deviations of these samples as its scale; without samples if it
+            does not surely reduce the squared error (`is_smaller`).
+        tip_errors: mean error of the tip [m]; empty if it is unknown.
+        surprise: sum over outputs of the mean negative log likelihood, without constants.
+    """
+
+    process: ResidualProcess
+    tip_errors: dict[str, float]
+    surprise: float
+
+
+def _judged(model: LocalC2S, split: Split) -> _Judgment:
     """Judge chain and process on validation and test samples.
 
     The process has the samples of training and of the other of these two.
-
-    Returns:
-        Whether the process reduces the squared error (`is_smaller`); the standard
-        deviation of each output, per deviation of the process; and the mean error of the
-        tip [m], empty if it is unknown.
     """
+    judged = model.process
     chain_errors = []
     errors = []
     deviations = []
     held_out = split.validation, split.test
-    for judged, other in (held_out, held_out[::-1]):
+    for part, other in (held_out, held_out[::-1]):
         process = _given(model, Samples.joined([split.training, other])).process
-        features = _features(model, judged)
-        residual = _residual(model, judged)
+        features = _features(model, part)
+        residual = _residual(model, part)
         means = np.asarray(process(jnp.asarray(features, jnp.float32)))
         chain_errors.append(residual)
         errors.append(residual - means)
         deviations.append(process.deviations(features))
     without, remaining = np.concatenate(chain_errors), np.concatenate(errors)
-    relative = remaining / np.concatenate(deviations)[:, None]
-    is_better = bool(model.process.is_fitted) and is_smaller(remaining, without)
-    if not is_better:
-        remaining = relative = without
+    deviation = np.concatenate(deviations)[:, None]
+    if not (judged.is_fitted and is_smaller(remaining, without)):
+        judged = ResidualProcess.none(
+            len(judged.center), len(judged.scale), len(judged.points)
+        )
+        remaining, deviation = without, np.ones_like(deviation)
+    relative = remaining / deviation
     known = np.isfinite(relative)
     squares = np.where(known, relative, 0.0) ** 2
     scale = np.sqrt(squares.sum(axis=0) / np.maximum(known.sum(axis=0), 1))
@@ -221,7 +241,10 @@ def _judged(
     distances = model.unit * np.linalg.norm(ends, axis=-1)
     seen = distances[np.isfinite(distances)]
     tip_errors = {HELD_OUT: float(seen.mean())} if len(seen) else {}
-    return is_better, jnp.asarray(scale, jnp.float32), tip_errors
+    known_scales = scale[scale > 0.0]
+    surprise = len(known_scales) * np.log(deviation).mean() + np.log(known_scales).sum()
+    judged = replace(judged, scale=jnp.asarray(scale, jnp.float32))
+    return _Judgment(judged, tip_errors, float(surprise))
 
 
 def _given(model: LocalC2S, samples: Samples) -> LocalC2S:

@@ -34,7 +34,9 @@ from s2c2a.training import TrainingData
 TRANSLATION = 5e-3  # m; of a tracking that stays where it is, unless more is seen
 ROTATION = np.deg2rad(3.0)  # of the same: 5 mm over a base plate of 0.1 m
 CABLE = 1e-3  # m; homings and pretensions of servo arms differ by this much
-SOFTNESS = 0.2  # of silicone and foam between days; 0.1 halves a true change of 15 %
+SOFTNESS = 0.2
+"""Of silicone and foam between days, where 0.1 halves a true change of 15 %. Also error of
+models, relative to the change: training hardly shows how stiff cables are."""
 ITERATIONS = 8
 """Of Gauss-Newton, and of the registration before; more change no digit that is shown."""
 STILL = 1e-4 * np.eye(3)
@@ -223,7 +225,11 @@ class _Residuals:
         covariance = np.linalg.solve(precision, noise) @ np.linalg.inv(precision)
         covariance *= np.outer(scales, scales)
         change = self._as_change(jnp.asarray(numbers, jnp.float32))
-        return DayPosterior(change, covariance)
+        # a wrong effect of softness shows as slack, too
+        nothing = DayChange.none(len(change.slack))
+        wrong = replace(nothing, slack=change.softness, softness=change.softness)
+        of_model = SOFTNESS * np.asarray(ravel_pytree(wrong)[0])
+        return DayPosterior(change, covariance + np.diag(of_model**2))
 
     def _likeliest(self) -> Float[np.ndarray, " numbers"]:
         """Numbers to start from: of a frame or a homing that first changes alone."""
