@@ -11,7 +11,6 @@ stretches that were not fitted, since a change can imitate a part of them.
 
 from dataclasses import replace
 from functools import partial
-from operator import itemgetter
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -218,7 +217,7 @@ class _Residuals:
             inflation: variance of the noise over that of the residuals.
             duration: of errors over that of the residuals; the covariance counts it.
         """
-        _, numbers, scales, precision = self._nearest(self._start, fitted, inflation)
+        numbers, scales, precision = self._nearest(self._start, fitted, inflation)
         # of an estimate whose samples tell less than it takes them for
         prior = np.eye(len(numbers))
         noise = prior + duration * (precision - prior)
@@ -242,10 +241,23 @@ class _Residuals:
         # bends by up to 1 rad and nothing else
         homing = np.maximum(ravel_pytree(turned)[0], np.finfo(float).tiny)
         everything = np.ones_like(self.seen_tip)
-        _, homed, *_ = self._nearest(nothing, everything, 1.0, homing)
+        homed, *_ = self._nearest(nothing, everything, 1.0, homing)
         starts = np.concatenate([*moved, nothing[6:]]), homed
-        fits = [self._nearest(start, everything, 1.0) for start in starts]
-        return min(fits, key=itemgetter(0))[1]
+        fits = [self._nearest(start, everything, 1.0)[0] for start in starts]
+        return min(fits, key=self._surprise)
+
+    def _surprise(self, numbers: Float[np.ndarray, " numbers"]) -> float:
+        """Negative log probability by positions of the tip, without constants.
+
+        Axes can be fitted at the cost of positions, and errors that last longer count for
+        fewer samples.
+        """
+        scales = self._grown(numbers)
+        change = self._as_change(jnp.asarray(numbers, jnp.float32))
+        errors = self.tip_errors(change)[self.seen_tip]
+        size = np.linalg.norm(errors) or np.finfo(float).tiny
+        prior = np.log(scales).sum() + np.sum((numbers / scales) ** 2) / 2.0
+        return float(prior + errors.size / GAP * np.log(size))
 
     def _nearest(
         self,
@@ -253,7 +265,7 @@ class _Residuals:
         fitted: Bool[np.ndarray, "episodes samples"],
         inflation: float,
         prior: Float[np.ndarray, " numbers"] | None = None,
-    ) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The optimum that is nearest to a start.
 
         Args:
@@ -263,8 +275,7 @@ class _Residuals:
             prior: scales that stay; by default those of days, or the change's own.
 
         Returns:
-            Negative logarithm of its probability by positions of the tip alone, without
-            constants; its numbers; scales of their prior; and the precision in these scales.
+            Its numbers, scales of their prior, and the precision in these scales.
         """
         measured = [
             (module, part, seen)
@@ -279,12 +290,6 @@ class _Residuals:
             slopes = np.asarray(self._slopes(at)) * scales
             precision = np.eye(len(numbers))
             gradient = -numbers / scales
-            loss = np.log(scales).sum() + gradient @ gradient / 2.0
-            # axes can be fitted at the cost of positions, and errors that last longer
-            # count for fewer samples
-            places = errors[self.seen_tip, -1, POSITION]
-            size = np.linalg.norm(places) or np.finfo(float).tiny
-            loss += places.size / GAP * np.log(size)
             for module, part, seen in measured:
                 error = errors[..., module, part][seen].astype(float)
                 slope = slopes[..., module, part, :][seen].astype(float)
@@ -292,7 +297,7 @@ class _Residuals:
                 precision += weight * np.einsum("tki,tkj->ij", slope, slope)
                 gradient += weight * np.einsum("tki,tk->i", slope, error)
             numbers = numbers + scales * np.linalg.solve(precision, gradient)
-        return float(loss), numbers, scales, precision
+        return numbers, scales, precision
 
     def _grown(self, numbers: Float[np.ndarray, " numbers"]) -> np.ndarray:
         """Scales of days, or of the change, whichever are larger, part by part."""
