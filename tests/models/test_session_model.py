@@ -11,7 +11,7 @@ from s2c2a.errors import RecordingError
 from s2c2a.kinematics import bends_from_configurations, configurations_from_bends
 from s2c2a.models.forward_model import PCCForwardModel
 from s2c2a.models.session import DayChange, SessionC2S, rotated
-from s2c2a.models.session_fit import fit_session
+from s2c2a.models.session_fit import _Residuals, fit_session
 from s2c2a.spaces import AXIS, POSITION
 from s2c2a.training import TrainingData
 
@@ -99,6 +99,15 @@ def test_a_session_finds_each_cause(parts, tip_only):
     for name, value in vars(change(**parts)).items():
         found = np.asarray(getattr(fit.posterior.change, name))
         assert (np.abs(found - value) < 4.0 * np.asarray(std[name]) + 1e-5).all(), name
+
+
+def test_only_frame_and_cables_may_change_by_any_amount():
+    residuals = _Residuals(MODEL, data(DayChange.none(ARM.module_count)))
+    usual = residuals._grown(np.zeros_like(residuals._scales))
+    grown = residuals._as_change(jnp.asarray(residuals._grown(100.0 * usual) / usual))
+    for name, factors in vars(grown).items():
+        expected = 1.0 if name == "softness" else 100.0
+        np.testing.assert_allclose(factors, expected, rtol=1e-5, err_msg=name)
 
 
 @pytest.mark.slow

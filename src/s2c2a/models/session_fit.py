@@ -2,8 +2,8 @@
 
 Maximum a posteriori estimate through the differentiable model, by Gauss-Newton, from the
 likelier of a frame and a homing that changed alone. Priors are normal, with the scales on
-which arms change between days, or that of the change where it is larger: cables may be
-homed, or a tracking put up, anywhere. Most of the noise is errors
+which arms change between days, or that of a change of frame or cables where it is larger:
+they may be homed, or a tracking put up, anywhere, and modules stay what they are. Most of the noise is errors
 of the model itself. They are common to all ends, and last: so many samples count as one
 as their correlation lasts, and all ends together count as one. Their variance is that on
 stretches that were not fitted, since a change can imitate a part of them.
@@ -300,10 +300,11 @@ class _Residuals:
         return numbers, scales, precision
 
     def _grown(self, numbers: Float[np.ndarray, " numbers"]) -> np.ndarray:
-        """Scales of days, or of the change, whichever are larger, part by part."""
+        """Scales of days, or of the change of frame or cables, whichever are larger."""
         parts = self._as_change(numbers / self._scales)
         sizes = jax.tree.map(
-            lambda part: jnp.full(part.shape, jnp.sqrt(jnp.mean(part**2))), parts
+            lambda part: jnp.full(part.shape, jnp.sqrt(jnp.mean(part**2))),
+            replace(parts, softness=jnp.zeros_like(parts.softness)),
         )
         return self._scales * np.maximum(1.0, ravel_pytree(sizes)[0])
 
