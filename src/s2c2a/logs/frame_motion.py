@@ -17,8 +17,10 @@ from scipy.spatial import KDTree
 
 from s2c2a.logs.interpolation import evenly_spread
 from s2c2a.logs.log_map import LogMap
-from s2c2a.logs.take import LogTake, effective_drives
+from s2c2a.logs.take import Drives, LogTake, effective_drives
 
+RowNumbers = Int[np.ndarray, " rows"]
+Centers = Float[np.ndarray, "rows 3"]
 EXPLAINED = 0.07
 """Share of all differences of similar rows that a motion of the frame must explain.
 Clean logs of two arms reach 0.005 to 0.045, and 0.06 where drives hardly return to old
@@ -78,7 +80,7 @@ def find_frame_motions(
 
 
 def find_frame_motion(
-    drives: Float[np.ndarray, "rows drives"],
+    drives: Drives,
     positions: Float[np.ndarray, "rows ends 3"],
     time: Float[np.ndarray, " rows"],
 ) -> FrameMotion | None:
@@ -110,9 +112,9 @@ def find_frame_motion(
 
 
 def _largest_motion(
-    drives: Float[np.ndarray, "rows drives"],
-    centers: Float[np.ndarray, "rows 3"],
-    rows: Int[np.ndarray, " rows"],
+    drives: Drives,
+    centers: Centers,
+    rows: RowNumbers,
     time: Float[np.ndarray, " all"],
 ) -> FrameMotion:
     """The jump or drift that explains most."""
@@ -134,7 +136,7 @@ def _largest_motion(
     return max(_jump(pairs, rows, time), _drift(pairs, len(rows)))
 
 
-def _permutations(count: int) -> Iterator[Int[np.ndarray, " rows"]]:
+def _permutations(count: int) -> Iterator[RowNumbers]:
     """Orders of rows in which blocks are permuted."""
     random = np.random.default_rng(0)
     blocks = np.array_split(np.arange(count), _BLOCKS)
@@ -143,7 +145,7 @@ def _permutations(count: int) -> Iterator[Int[np.ndarray, " rows"]]:
 
 
 def quadratic_terms(
-    values: Float[np.ndarray, "rows drives"],
+    values: Drives,
 ) -> Float[np.ndarray, "rows terms"]:
     """One, the values, and the products of two of them."""
     first, second = np.triu_indices(values.shape[1])
@@ -151,16 +153,14 @@ def quadratic_terms(
     return np.hstack([np.ones((len(values), 1)), values, products])
 
 
-def _smooth_map(
-    drives: Float[np.ndarray, "rows drives"], centers: Float[np.ndarray, "rows 3"]
-) -> Float[np.ndarray, "rows 3"]:
+def _smooth_map(drives: Drives, centers: Centers) -> Centers:
     """Quadratic regression of the ends' center on the drives."""
     features = quadratic_terms(drives - drives.mean(axis=0))
     return features @ np.linalg.lstsq(features, centers, rcond=1e-9)[0]
 
 
 def _jump(
-    pairs: _Pairs, rows: Int[np.ndarray, " rows"], time: Float[np.ndarray, " rows"]
+    pairs: _Pairs, rows: RowNumbers, time: Float[np.ndarray, " rows"]
 ) -> FrameMotion:
     """The time at which one shift explains most."""
     lengths = np.linalg.norm(pairs.shifts, axis=1)

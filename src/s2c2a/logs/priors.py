@@ -7,6 +7,7 @@ from s2c2a.logs.cable_model import CableParameters
 from s2c2a.logs.log_map import LogMap
 from s2c2a.logs.registration import Registration
 
+Angles = Float[np.ndarray, " drives"]
 # largest deviation from stated values: errors of careful measurements by hand
 BASE_BOUND = 0.002  # m, of each coordinate
 LENGTH_BOUND = 0.002  # of the logarithm
@@ -66,17 +67,17 @@ def first_guess(registration: Registration, log_map: LogMap) -> CableParameters:
     )
 
 
-def stated_angles(log_map: LogMap) -> Float[np.ndarray, " drives"]:
+def stated_angles(log_map: LogMap) -> Angles:
     """Stated angles of the drives [rad]; NaN where none is stated."""
     degrees = np.array([drive.angle_deg for drive in log_map.drives], float)
     return np.deg2rad(degrees)
 
 
 def with_stated_angles(
-    angles: Float[np.ndarray, " drives"],
-    stated: Float[np.ndarray, " drives"],
+    angles: Angles,
+    stated: Angles,
     log_map: LogMap,
-) -> Float[np.ndarray, " drives"]:
+) -> Angles:
     """Angles [rad] where stated ones replace estimated ones, turned if x is unknown."""
     errors = without_turn(angles - stated, log_map)
     return angles - np.nan_to_num(errors)

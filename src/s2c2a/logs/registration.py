@@ -11,6 +11,8 @@ from s2c2a.logs.errors import LogError
 from s2c2a.logs.log_map import LogMap
 from s2c2a.logs.take import unit_vector
 
+Positions = Float[np.ndarray, "rows ends 3"]
+Vector = Float[np.ndarray, "3"]
 # share of the rows that show the arm straight: those with the tip furthest along it
 STRAIGHT_SHARE = 0.03
 # drop of the tip, times the length, over the square of its distance from the axis;
@@ -31,13 +33,11 @@ class Registration(NamedTuple):
     """
 
     axes: Float[np.ndarray, "3 3"]
-    base: Float[np.ndarray, "3"]
+    base: Vector
     lengths: Float[np.ndarray, " modules"]
 
 
-def estimate_registration(
-    positions: Float[np.ndarray, "rows ends 3"], log_map: LogMap
-) -> Registration:
+def estimate_registration(positions: Positions, log_map: LogMap) -> Registration:
     """Base frame as the map states it, completed from rest and motion of the ends.
 
     Args:
@@ -79,9 +79,7 @@ def estimate_registration(
     return Registration(rotation, base, lengths)
 
 
-def straight_rows(
-    positions: Float[np.ndarray, "rows ends 3"], log_map: LogMap
-) -> Bool[np.ndarray, " rows"]:
+def straight_rows(positions: Positions, log_map: LogMap) -> Bool[np.ndarray, " rows"]:
     """Rows in which the tip is furthest along the arm.
 
     Raises:
@@ -111,15 +109,13 @@ def _find_z(positions: np.ndarray, log_map: LogMap) -> np.ndarray:
     return _estimate_z(positions[:, order], log_map)
 
 
-def _median(positions: Float[np.ndarray, "rows 3"]) -> Float[np.ndarray, "3"]:
+def _median(positions: Float[np.ndarray, "rows 3"]) -> Vector:
     if not np.isfinite(positions).any():
         return np.full(3, np.nan)
     return np.nanmedian(positions, axis=0)
 
 
-def _estimate_z(
-    positions: Float[np.ndarray, "rows ends 3"], log_map: LogMap
-) -> Float[np.ndarray, "3"]:
+def _estimate_z(positions: Positions, log_map: LogMap) -> Vector:
     """Direction from the base, or the innermost end, to the tip.
 
     A tip alone moves on a shell: z is normal to it and points away from its center.
@@ -145,7 +141,7 @@ def _estimate_z(
 def _estimate_lengths(
     tip: Float[np.ndarray, "rows 3"],
     rest: Float[np.ndarray, "ends 3"],
-    z: Float[np.ndarray, "3"],
+    z: Vector,
     log_map: LogMap,
 ) -> Float[np.ndarray, " modules"]:
     """Stated lengths, or those of the ends at rest, or those of the tip's shell."""

@@ -26,6 +26,7 @@ from s2c2a.logs.tables import Table, check_distinct, list_names, prefix_advice
 from s2c2a.logs.time_join import join_by_time
 from s2c2a.measurements.frozen_ends import find_frozen
 
+Drives = Float[np.ndarray, "rows drives"]
 ROW = ""  # key of row numbers, which no map can name
 
 
@@ -47,8 +48,8 @@ class LogTake:
     """
 
     time: Float[np.ndarray, " rows"]
-    commanded: Float[np.ndarray, "rows drives"]
-    measured: Float[np.ndarray, "rows drives"]
+    commanded: Drives
+    measured: Drives
     positions: Float[np.ndarray, "rows ends 3"]
     axes: Float[np.ndarray, "rows ends 3"]
     labels: np.ndarray
@@ -60,7 +61,7 @@ class LogTake:
         return len(self.time)
 
     @property
-    def commands(self) -> Float[np.ndarray, "rows drives"]:
+    def commands(self) -> Drives:
         """Commands, or the measured values of drives that have no command."""
         known = np.isfinite(self.commanded).any(axis=0)
         return np.where(known, self.commanded, self.measured)
@@ -208,9 +209,7 @@ def _drive_values(table: Table, log_map: LogMap, attribute: str) -> np.ndarray:
     return np.stack(values, axis=1)
 
 
-def effective_drives(
-    take: LogTake, log_map: LogMap
-) -> Float[np.ndarray, "rows drives"]:
+def effective_drives(take: LogTake, log_map: LogMap) -> Drives:
     """Values of the drives while each row was measured."""
     commands = take.commands
     if not log_map.rows.settled:

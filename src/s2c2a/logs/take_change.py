@@ -27,6 +27,7 @@ from s2c2a.arm import ArmSpec
 from s2c2a.logs.frame_motion import quadratic_terms
 from s2c2a.models.session_fit import register
 
+Positions = Float[np.ndarray, "rows modules 3"]
 COMPARED_SHARE = 0.5  # of the rows: those with the most similar cables
 MIN_ROWS = 20
 MOVED_SHARE = 0.01  # of the arm's length, by which a camera has moved
@@ -99,7 +100,7 @@ class TakeChange(NamedTuple):
 
 def find_change(
     cables: Float[np.ndarray, "rows modules cables"],
-    positions: Float[np.ndarray, "rows modules 3"],
+    positions: Positions,
     first_cables: Float[np.ndarray, "others modules cables"],
     first_positions: Float[np.ndarray, "others modules 3"],
     arm: ArmSpec,
@@ -143,9 +144,9 @@ def find_change(
 
 
 def _explain(
-    places: Float[np.ndarray, "rows modules 3"],
+    places: Positions,
     derivatives: Float[np.ndarray, "rows modules 3 drives"],
-    displacements: Float[np.ndarray, "rows modules 3"],
+    displacements: Positions,
     extrapolated: float,
     arm: ArmSpec,
 ) -> TakeChange:
@@ -194,7 +195,7 @@ def _fit(
 
 def _derivatives(
     cables: Float[np.ndarray, "rows drives"],
-    positions: Float[np.ndarray, "rows modules 3"],
+    positions: Positions,
 ) -> Callable[
     [Float[np.ndarray, "others drives"]], Float[np.ndarray, "others modules 3 drives"]
 ]:
@@ -227,7 +228,7 @@ def _derivatives(
 
 
 def _features(
-    places: Float[np.ndarray, "rows modules 3"], length: float
+    places: Positions, length: float
 ) -> Float[np.ndarray, "rows modules 3 features"]:
     """Displacement by each unit of shift, rotation, and c and e of each end."""
     modules = places.shape[1]

@@ -35,6 +35,7 @@ from s2c2a.logs.identification.problem import (
 from s2c2a.logs.identification.replay import replayed
 from s2c2a.spaces import States
 
+PerCoordinate = Float[np.ndarray, " coordinates"]
 STEP = 0.02  # step of finite differences, in prior standard deviations
 DEFAULT_OPTIONS = IdentificationOptions()
 MIN_VARIANCE = 1e-12  # a recording of the simulation itself leaves no residual
@@ -55,8 +56,8 @@ class Posterior:
     """
 
     names: tuple[str, ...]
-    std: Float[np.ndarray, " coordinates"]
-    information: Float[np.ndarray, " coordinates"]
+    std: PerCoordinate
+    information: PerCoordinate
     combinations: Float[np.ndarray, "coordinates coordinates"]
 
 
@@ -72,7 +73,7 @@ class Fit:
     """
 
     problem: FitProblem
-    coordinates: Float[np.ndarray, " coordinates"]
+    coordinates: PerCoordinate
     posterior: Posterior = field(repr=False)
     finished: bool
 
@@ -196,7 +197,7 @@ def _start(problem: FitProblem) -> np.ndarray:
 
 def jacobian(
     problem: FitProblem,
-    coordinates: Float[np.ndarray, " coordinates"],
+    coordinates: PerCoordinate,
     executor: Executor,
 ) -> Float[np.ndarray, "measured coordinates"]:
     """Jacobian of the residuals by finite differences, within the bounds."""
