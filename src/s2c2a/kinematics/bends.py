@@ -11,10 +11,12 @@ from jaxtyping import Array, Bool, Float
 
 Numbers = Array | np.ndarray
 """What functions of JAX take; they return arrays of JAX."""
+Values = Float[Array, "*batch"]
 Scalar = Float[Array, ""]
 Truth = Bool[Array, ""]
 FlatBends = Float[Array, " bends"]
 """Bends of all modules, one after the other."""
+Vectors = Float[Numbers, "*batch axis"]
 BendLimits = Float[Numbers, "*#batch"] | float
 
 # Squared angle below which series replace quotients; the next term of the series is
@@ -22,19 +24,19 @@ BendLimits = Float[Numbers, "*#batch"] | float
 SMALL_SQUARE = 1e-6
 
 
-def sinc(squared: Float[Numbers, "*batch"]) -> Float[Array, "*batch"]:
+def sinc(squared: Float[Numbers, "*batch"]) -> Values:
     """Return sin(f) / f as a function of f^2."""
     small = squared < SMALL_SQUARE
     angle = jnp.sqrt(jnp.where(small, 1.0, squared))
     return jnp.where(small, 1.0 - squared / 6.0, jnp.sin(angle) / angle)
 
 
-def squared_norm(vectors: Float[Numbers, "*batch axis"]) -> Float[Array, "*batch"]:
+def squared_norm(vectors: Vectors) -> Values:
     """Return the sum of squares over the last axis."""
     return jnp.sum(vectors**2, axis=-1)
 
 
-def norm(vectors: Float[Numbers, "*batch axis"]) -> Float[Array, "*batch"]:
+def norm(vectors: Vectors) -> Values:
     """Return the Euclidean norm over the last axis, with gradient zero at zero."""
     squared = squared_norm(jnp.asarray(vectors))
     zero = squared == 0.0
@@ -120,9 +122,7 @@ def commanded_configurations(
     return jnp.concatenate([commanded_part(lateral, projectors), axial], axis=-1)
 
 
-def limit_lengths(
-    vectors: Float[Numbers, "*batch axis"], limits: BendLimits
-) -> Float[Array, "*batch axis"]:
+def limit_lengths(vectors: Vectors, limits: BendLimits) -> Float[Array, "*batch axis"]:
     """Shorten every vector that is longer than its limit; directions stay."""
     squared = squared_norm(vectors)
     inside = squared <= limits**2

@@ -14,6 +14,7 @@ from s2c2a.kinematics.bends import (
 
 Bends = Float[Numbers, "*batch modules 2"]
 Lengths = Float[Numbers, "*#batch modules"]
+Vectors = Float[Array, "*batch 3"]
 States = Float[Array, "*batch modules 6"]
 
 
@@ -118,7 +119,7 @@ def bends_from_states(
 
 def arc_ends(
     bends: Float[Numbers, "*batch 2"], lengths: Float[Numbers, "*#batch"]
-) -> Float[Array, "*batch 3"]:
+) -> Vectors:
     """Return ends of arcs in their own frames: L (b (1 - cos f) / f^2, sin f / f)."""
     squared = squared_norm(bends)
     lateral = bends * (sinc(squared / 4.0) ** 2 / 2.0)[..., None]
@@ -141,7 +142,5 @@ def rotations_to(axes: Float[Numbers, "*batch 3"]):
     return entries.reshape(*axes.shape[:-1], 3, 3)
 
 
-def _rotate(
-    rotation: Float[Array, "*batch 3 3"], vector: Float[Array, "*batch 3"]
-) -> Float[Array, "*batch 3"]:
+def _rotate(rotation: Float[Array, "*batch 3 3"], vector: Vectors) -> Vectors:
     return jnp.einsum("...ij,...j->...i", rotation, vector)

@@ -8,7 +8,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
-from s2c2a.models.layers import Actions, Scaling, SumAndRange
+from s2c2a.models.arrays import Actions, Configurations
+from s2c2a.models.layers import Scaling, SumAndRange
 from s2c2a.paper import BiLSTM, History, controller_inputs
 from s2c2a.training.fit import Batch
 
@@ -26,9 +27,7 @@ class C2A(eqx.Module):
     configuration_scaling: Scaling
     sum_and_range: SumAndRange
 
-    def __call__(
-        self, desired: Float[Array, "*batch modules 3"], history: History
-    ) -> Actions:
+    def __call__(self, desired: Configurations, history: History) -> Actions:
         """Normalized actions that reach the desired configurations in one step.
 
         They are within the limits of the arm.

@@ -14,6 +14,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 from s2c2a.arm import ArmSpec
 from s2c2a.data import forward_samples
 from s2c2a.errors import TrainingError
+from s2c2a.models.arrays import Configurations
 from s2c2a.models.disturbances import Disturbances
 from s2c2a.models.forward_model import (
     ForwardModel,
@@ -158,7 +159,7 @@ class C2S(MemorylessModel):
 
     def predict(
         self,
-        configurations: Float[Array, "*batch modules 3"],
+        configurations: Configurations,
         memory: Memory,
         disturbances: Disturbances | None = None,
     ) -> Float[Array, "*batch modules 6"]:

@@ -21,8 +21,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from s2c2a.arm.backlash import play
+from s2c2a.models.arrays import Actions
 from s2c2a.training.fit import Fixed
 
+Inputs = Float[Array, "*batch modules inputs cables"]
+Weights = Float[Array, "*parts times cables"]
 MAX_CREEP = 0.5  # largest sum of the weights of one cable's filters
 # in initial weights: largest part of `MAX_CREEP`, near which gradients vanish, and
 # smallest share of a filter, which would otherwise never change
@@ -41,7 +44,7 @@ class HysteresisMemory(NamedTuple):
 
     plays: Float[Array, "*batch modules widths cables"]
     crept: Float[Array, "*batch modules times cables"]
-    last: Float[Array, "*batch modules cables"]
+    last: Actions
 
 
 class Operators(Fixed):
@@ -68,7 +71,7 @@ class Viscoelasticity(eqx.Module):
     """
 
     total: Float[Array, "*parts 1 cables"]
-    spectrum: Float[Array, "*parts times cables"]
+    spectrum: Weights
 
     @classmethod
     def none(cls, modules: int, times: int, cables: int) -> "Viscoelasticity":
@@ -77,9 +80,7 @@ class Viscoelasticity(eqx.Module):
         return cls(total, jnp.zeros((modules, times, cables)))
 
     @classmethod
-    def from_weights(
-        cls, weights: Float[Array, "*parts times cables"]
-    ) -> "Viscoelasticity":
+    def from_weights(cls, weights: Weights) -> "Viscoelasticity":
         """A model close to these weights; those against the sign of their sum are dropped."""
         sign = jnp.sign(jnp.sum(weights, axis=-2, keepdims=True))
         magnitudes = jnp.maximum(sign * weights, 0.0)
@@ -89,7 +90,7 @@ class Viscoelasticity(eqx.Module):
         return cls(jnp.arctanh(sign * bounded), jnp.log(spread))
 
     @property
-    def weights(self) -> Float[Array, "*parts times cables"]:
+    def weights(self) -> Weights:
         """Weight of every filter."""
         if not self.spectrum.shape[-2]:
             return self.spectrum
@@ -129,9 +130,7 @@ class Hysteresis(eqx.Module):
         """Number of filters, from the first, that model delay instead of creep."""
         return self.delay_weights.shape[-2]
 
-    def start(
-        self, displacements: Float[Array, "*batch modules cables"]
-    ) -> HysteresisMemory:
+    def start(self, displacements: Actions) -> HysteresisMemory:
         """Memory at rest, in the middle of every play operator."""
         now = displacements[..., None, :]
         plays = jnp.repeat(now, len(self.operators.widths), axis=-2)
@@ -139,9 +138,7 @@ class Hysteresis(eqx.Module):
         return HysteresisMemory(plays, crept, displacements)
 
     def advance(
-        self,
-        displacements: Float[Array, "*batch modules cables"],
-        memory: HysteresisMemory,
+        self, displacements: Actions, memory: HysteresisMemory
     ) -> HysteresisMemory:
         """Memory after one more reading."""
         now = displacements[..., None, :]
@@ -152,11 +149,7 @@ class Hysteresis(eqx.Module):
         crept = memory.crept + self.operators.shares[:, None] * (now - memory.crept)
         return HysteresisMemory(plays, crept, displacements)
 
-    def inputs(
-        self,
-        displacements: Float[Array, "*batch modules cables"],
-        memory: HysteresisMemory,
-    ) -> Array:
+    def inputs(self, displacements: Actions, memory: HysteresisMemory) -> Array:
         """Inputs of the weighted sum, from a reading and the memory before it.
 
         Returns:
@@ -167,9 +160,7 @@ class Hysteresis(eqx.Module):
         last = memory.last[..., None, :]
         return jnp.concatenate([now, after.plays, last, after.crept], axis=-2)
 
-    def without_delay(
-        self, inputs: Float[Array, "*batch modules inputs cables"]
-    ) -> Array:
+    def without_delay(self, inputs: Inputs) -> Array:
         """Inputs after the last displacement and the delay filters have settled."""
         first = len(self.operators.widths) + 1
         settled = jnp.repeat(inputs[..., :1, :], 1 + self.delays, axis=-2)
@@ -177,9 +168,7 @@ class Hysteresis(eqx.Module):
         creep = inputs[..., first + 1 + self.delays :, :]
         return jnp.concatenate([plays, settled, creep], axis=-2)
 
-    def transmitted(
-        self, inputs: Float[Array, "*batch modules inputs cables"]
-    ) -> Array:
+    def transmitted(self, inputs: Inputs) -> Array:
         """Displacements at the modules [rad], shape (*batch, modules, cables)."""
         plays = jax.nn.softplus(self.play_weights)
         parts = [plays, self.delay_weights, self.creep.weights]

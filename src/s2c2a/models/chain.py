@@ -15,16 +15,16 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from s2c2a.kinematics.chain import states_from_arcs
-from s2c2a.models.cables import Hysteresis, HysteresisMemory
+from s2c2a.kinematics.chain import States, states_from_arcs
+from s2c2a.models.arrays import Actions, Bends, Configuration, Configurations
+from s2c2a.models.cables import Hysteresis, HysteresisMemory, Inputs
 from s2c2a.models.disturbances import (
     PAYLOAD_ITERATIONS,
     Disturbances,
     LoadGains,
     moments_of_weights,
 )
-from s2c2a.models.forward_model import Configuration, Configurations, ForwardModel
-from s2c2a.models.layers import Actions
+from s2c2a.models.forward_model import ForwardModel, Stiffnesses
 from s2c2a.models.statics import SWEEPS, Equilibrium, StaticState
 from s2c2a.models.trunk import Trunk
 
@@ -64,9 +64,7 @@ class ChainC2S(ForwardModel):
         return replace(self, hysteresis=replace(self.hysteresis, engaged=True))
 
     def near(
-        self,
-        configurations: Configuration,
-        memory: HysteresisMemory,
+        self, configurations: Configuration, memory: HysteresisMemory
     ) -> "ChainC2S":
         """See `ForwardModel`: at short control periods, the arm after its delay."""
         arrived = self.hysteresis.delays > 0
@@ -154,9 +152,7 @@ class ChainC2S(ForwardModel):
         """One kilogram at the tip."""
         return jnp.zeros_like(self.body.weights).at[-1].set(1.0)
 
-    def _moments_of(
-        self, weights: Array, bends: Array, lengths: Array
-    ) -> Float[Array, "*batch modules 2"]:
+    def _moments_of(self, weights: Array, bends: Array, lengths: Array) -> Bends:
         return moments_of_weights(
             weights, bends, lengths, self.body.compliances, self.body.gravity
         )
@@ -166,15 +162,11 @@ class ChainC2S(ForwardModel):
         configurations: Configurations,
         memory: HysteresisMemory,
         disturbances: Disturbances | None = None,
-    ) -> Float[Array, "*batch modules 6"]:
+    ) -> States:
         inputs = self.inputs(self.body.displacements(configurations), memory)
         return self.states(inputs, disturbances)
 
-    def inputs(
-        self,
-        displacements: Actions,
-        memory: HysteresisMemory,
-    ) -> Float[Array, "*batch modules inputs cables"]:
+    def inputs(self, displacements: Actions, memory: HysteresisMemory) -> Inputs:
         """The inputs of the hysteresis model (`Hysteresis.inputs`)."""
         return self.hysteresis.inputs(self.slackened(displacements), memory)
 
@@ -183,10 +175,8 @@ class ChainC2S(ForwardModel):
         return displacements + self.body.slack[:, None]
 
     def states(
-        self,
-        inputs: Float[Array, "*batch modules inputs cables"],
-        disturbances: Disturbances | None = None,
-    ) -> Float[Array, "*batch modules 6"]:
+        self, inputs: Inputs, disturbances: Disturbances | None = None
+    ) -> States:
         """States [m, 1] for inputs of the hysteresis model, base frame.
 
         Args:
@@ -221,16 +211,14 @@ class ChainC2S(ForwardModel):
             return jnp.full_like(pulls, jnp.nan)
         return pulls / (self.body.moments * self.body.softness[:, None])
 
-    def cable_stiffnesses(self) -> Float[np.ndarray, " modules"] | None:
+    def cable_stiffnesses(self) -> Stiffnesses | None:
         if not self.statics:
             return None
         stiffness = np.exp(np.asarray(self.equilibrium.log_stiffness))
         return stiffness / np.asarray(self.body.moments)[:, 0]
 
     def _at_rest(
-        self,
-        inputs: Float[Array, "*batch modules inputs cables"],
-        moments: Float[Array, "modules 2"] | None = None,
+        self, inputs: Inputs, moments: Float[Array, "modules 2"] | None = None
     ) -> tuple[StaticState, Array, Array]:
         """Modules in equilibrium under payload moments [rad].
 
@@ -285,18 +273,11 @@ class ChainC2S(ForwardModel):
         lengths = self.body.lengths - self.body.radii * rest.shortening
         return rest, lengths, corrections
 
-    def _relaxation(
-        self, inputs: Float[Array, "*batch modules inputs cables"]
-    ) -> Float[Array, "*batch modules 2"]:
+    def _relaxation(self, inputs: Inputs) -> Bends:
         """Moments of the viscoelastic body, which remembers former bends [rad]."""
         weights = self.equilibrium.relaxation.weights[..., 0]
         filtered = inputs[..., inputs.shape[-2] - weights.shape[-1] :, :]
-        return jnp.einsum(
-            "mt,mkn,...mtn->...mk",
-            weights,
-            self.body.inverses,
-            filtered,
-        )
+        return jnp.einsum("mt,mkn,...mtn->...mk", weights, self.body.inverses, filtered)
 
     def _network(
         self, features: Float[Array, "*batch modules features"]

@@ -13,6 +13,8 @@ from jaxtyping import Array, Float, PRNGKeyArray
 from s2c2a.arm import ArmSpec
 from s2c2a.data.windows import Samples, Split, forward_samples, known_samples
 from s2c2a.kinematics import bends_from_states
+from s2c2a.kinematics.bends import Scalar
+from s2c2a.models.arrays import PerModule
 from s2c2a.models.c2s import ForwardOptions
 from s2c2a.models.cables import MAX_CREEP, Hysteresis, Operators, Viscoelasticity
 from s2c2a.models.chain import LENGTH_UNIT, OUTPUTS, ChainC2S
@@ -21,20 +23,8 @@ from s2c2a.models.prior import mean_and_spread, pooled
 from s2c2a.models.statics import Equilibrium
 from s2c2a.models.trunk import Trunk
 from s2c2a.plugins.components import Ranges
-from s2c2a.training.fit import (
-    Batch,
-    FitOptions,
-    TrainingProgress,
-    parameters,
-    quiet,
-)
-from s2c2a.training.trained import (
-    Trained,
-    TrainingData,
-    evaluated,
-    known_error,
-    train,
-)
+from s2c2a.training.fit import Batch, FitOptions, TrainingProgress, parameters, quiet
+from s2c2a.training.trained import Trained, TrainingData, evaluated, known_error, train
 
 NO_WEIGHT = -7.0  # before a softplus
 AXIS_WEIGHT = 0.3  # of squared axis errors relative to squared position errors
@@ -254,7 +244,7 @@ class _Penalty(eqx.Module):
     initial: list[Array]
     spread: list[Array]
 
-    def __call__(self, model: ChainC2S) -> Float[Array, ""]:
+    def __call__(self, model: ChainC2S) -> Scalar:
         changes = jax.tree.map(jnp.subtract, parameters(model), self.initial)
         if self.spread:
             changes = jax.tree.map(jnp.divide, changes, self.spread)
@@ -273,13 +263,13 @@ class _ChainLoss(eqx.Module):
         stiffness: logarithms that are not trained; None to train those of the model.
     """
 
-    ridge: Float[Array, ""]
+    ridge: Scalar
     penalty: _Penalty | None = None
-    stiffness: Float[Array, " modules"] | None = None
+    stiffness: PerModule | None = None
 
     def __call__(
         self, model: ChainC2S, batch: Batch, key: PRNGKeyArray | None
-    ) -> Float[Array, ""]:
+    ) -> Scalar:
         if self.stiffness is not None:
             equilibrium = replace(model.equilibrium, log_stiffness=self.stiffness)
             model = replace(model, equilibrium=equilibrium)

@@ -11,7 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from s2c2a.models.residual_process import matern, precisions
+from s2c2a.models.arrays import FeatureRows
+from s2c2a.models.residual_process import Features, PerFeature, matern, precisions
 from s2c2a.training.fit import Fixed
 
 LENGTH = 4.0  # of the kernel, in standard deviations of each feature
@@ -39,8 +40,8 @@ class DataRegion(Fixed):
         usual: largest relative variance that counts as interpolation, shape ().
     """
 
-    center: Float[Array, " features"]
-    rates: Float[Array, " features"]
+    center: PerFeature
+    rates: PerFeature
     points: Float[Array, "points features"]
     root: Float[Array, "points points"]
     usual: Float[Array, ""]
@@ -56,16 +57,12 @@ class DataRegion(Fixed):
             usual=jnp.ones(()),
         )
 
-    def extrapolation(
-        self, features: Float[Array, "*batch features"]
-    ) -> Float[Array, "*batch"]:
+    def extrapolation(self, features: Features) -> Float[Array, "*batch"]:
         """From zero near the data to one far from them."""
         excess = self.relative_variance(features) - self.usual
         return jnp.maximum(excess, 0.0) / jnp.maximum(1.0 - self.usual, 1e-6)
 
-    def relative_variance(
-        self, features: Float[Array, "*batch features"]
-    ) -> Float[Array, "*batch"]:
+    def relative_variance(self, features: Features) -> Float[Array, "*batch"]:
         """Posterior variance over prior variance, from 0 to 1."""
         kernel = matern((features - self.center) * self.rates, self.points)
         explained = jnp.sum((kernel @ self.root) ** 2, axis=-1)
@@ -73,9 +70,7 @@ class DataRegion(Fixed):
 
 
 def fit_region(
-    features: Float[np.ndarray, "samples features"],
-    held_out: Float[np.ndarray, "others features"],
-    points: int,
+    features: FeatureRows, held_out: Float[np.ndarray, "others features"], points: int
 ) -> DataRegion:
     """The region of these data.
 

@@ -6,7 +6,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from s2c2a.kinematics.bends import Scalar
 from s2c2a.kinematics.chain import states_from_bends
+from s2c2a.models.arrays import Bends, ModuleBends, PerModule
 
 PAYLOAD_ITERATIONS = 3
 """Between the payload's moments and the shape under them, in a control step and at the
@@ -25,12 +27,10 @@ class LoadGains(NamedTuple):
             (2 modules, 2 modules).
     """
 
-    bends: Float[Array, "modules 2"]
+    bends: ModuleBends
     matrix: Float[Array, "bends bends"]
 
-    def applied(
-        self, bends: Float[Array, "*batch modules 2"]
-    ) -> Float[Array, "*batch modules 2"]:
+    def applied(self, bends: Bends) -> Bends:
         """Bends under the moments of their own shape [rad].
 
         Args:
@@ -56,10 +56,10 @@ class Disturbances(NamedTuple):
             (`ForwardModel.with_gains`); None for constant moments.
     """
 
-    payload: Float[Array, ""]
-    bend_biases: Float[Array, "modules 2"]
-    moments: Float[Array, "modules 2"] | None = None
-    moments_per_kg: Float[Array, "modules 2"] | None = None
+    payload: Scalar
+    bend_biases: ModuleBends
+    moments: ModuleBends | None = None
+    moments_per_kg: ModuleBends | None = None
     gains: LoadGains | None = None
 
     @classmethod
@@ -68,7 +68,7 @@ class Disturbances(NamedTuple):
         zeros = jnp.zeros((modules, 2))
         return cls(jnp.zeros(()), zeros, zeros, zeros)
 
-    def with_payload(self, payload: Float[Array, ""]) -> "Disturbances":
+    def with_payload(self, payload: Scalar) -> "Disturbances":
         """Another payload at the same shape: its moments change in proportion."""
         if self.moments is None or self.moments_per_kg is None:
             return self._replace(payload=payload)
@@ -77,12 +77,12 @@ class Disturbances(NamedTuple):
 
 
 def moments_of_weights(
-    weights: Float[Array, " modules"],
-    bends: Float[Array, "*batch modules 2"],
+    weights: PerModule,
+    bends: Bends,
     lengths: Float[Array, "*#batch modules"],
-    compliances: Float[Array, " modules"],
+    compliances: PerModule,
     gravity: Float[Array, "3"],
-) -> Float[Array, "*batch modules 2"]:
+) -> Bends:
     """Bending moments of weights at the modules' ends, over the bending stiffness.
 
     C_i sum_j w_j dp_j/db_i . g [rad]

@@ -11,11 +11,11 @@ from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.kinematics.bends import bends_from_configurations, configurations_from_bends
-from s2c2a.kinematics.chain import states_from_configurations
+from s2c2a.kinematics.chain import States, Vectors, states_from_configurations
+from s2c2a.models.arrays import Actions, Configuration, Configurations, Deviations
 from s2c2a.models.disturbances import PAYLOAD_ITERATIONS, Disturbances
 
-Configuration = Float[Array, "modules 3"]
-Configurations = Float[Array, "*batch modules 3"]
+Stiffnesses = Float[np.ndarray, " modules"]
 Memory = Any  # a pytree of arrays; () for a model without memory
 
 
@@ -61,10 +61,7 @@ class ForwardModel(eqx.Module):
         return disturbances._replace(moments=zeros, moments_per_kg=zeros)
 
     def settled(
-        self,
-        disturbances: Disturbances,
-        configurations: Configuration,
-        memory: Memory,
+        self, disturbances: Disturbances, configurations: Configuration, memory: Memory
     ) -> Disturbances:
         """Disturbances with the moments of their payload on an arm at rest.
 
@@ -87,10 +84,7 @@ class ForwardModel(eqx.Module):
         )
 
     def with_gains(
-        self,
-        disturbances: Disturbances,
-        configurations: Configuration,
-        memory: Memory,
+        self, disturbances: Disturbances, configurations: Configuration, memory: Memory
     ) -> Disturbances:
         """Disturbances whose moments change with the shape that is predicted.
 
@@ -109,7 +103,7 @@ class ForwardModel(eqx.Module):
         configurations: Configurations,
         memory: Memory,
         disturbances: Disturbances | None = None,
-    ) -> Float[Array, "*batch modules 6"]:
+    ) -> States:
         """Predicted states [m, 1], base frame.
 
         Args:
@@ -123,11 +117,11 @@ class ForwardModel(eqx.Module):
         configurations: Configurations,
         memory: Memory,
         disturbances: Disturbances | None = None,
-    ) -> Float[Array, "*batch modules cables"]:
+    ) -> Actions:
         """Predicted cable tensions [N]; NaN if the model does not predict them."""
         return jnp.full((*configurations.shape[:-1], 1), jnp.nan)
 
-    def cable_stiffnesses(self) -> Float[np.ndarray, " modules"] | None:
+    def cable_stiffnesses(self) -> Stiffnesses | None:
         """Cable tension per stretch over the cable radius [N/rad]; None if unknown."""
         return None
 
@@ -142,7 +136,7 @@ class ForwardModel(eqx.Module):
         """The model with its states in the base frame, if they are in another one."""
         return self
 
-    def to_base(self, seen: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3"]:
+    def to_base(self, seen: Vectors) -> Vectors:
         """Positions in the frame of the states, brought to the base frame [m]."""
         return seen
 
@@ -156,7 +150,7 @@ class ForwardModel(eqx.Module):
 
     def predictive_std(
         self, configurations: Configurations, memory: Memory
-    ) -> Float[Array, "*batch modules"]:
+    ) -> Deviations:
         """Standard deviation of the predicted end points [m]; zero if unknown."""
         return jnp.zeros(configurations.shape[:-1])
 
@@ -228,10 +222,7 @@ class WrappedModel(ForwardModel):
         return self.inner.with_moments(disturbances, moved, memory, before)
 
     def with_gains(
-        self,
-        disturbances: Disturbances,
-        configurations: Configuration,
-        memory: Memory,
+        self, disturbances: Disturbances, configurations: Configuration, memory: Memory
     ) -> Disturbances:
         return self.inner.with_gains(disturbances, self.moved(configurations), memory)
 
@@ -240,15 +231,15 @@ class WrappedModel(ForwardModel):
         configurations: Configurations,
         memory: Memory,
         disturbances: Disturbances | None = None,
-    ) -> Float[Array, "*batch modules cables"]:
+    ) -> Actions:
         return self.inner.tensions(self.moved(configurations), memory, disturbances)
 
-    def cable_stiffnesses(self) -> Float[np.ndarray, " modules"] | None:
+    def cable_stiffnesses(self) -> Stiffnesses | None:
         return self.inner.cable_stiffnesses()
 
     def predictive_std(
         self, configurations: Configurations, memory: Memory
-    ) -> Float[Array, "*batch modules"]:
+    ) -> Deviations:
         return self.inner.predictive_std(self.moved(configurations), memory)
 
     def extrapolation(self, configurations: Configurations) -> Float[Array, "*batch"]:
@@ -274,7 +265,7 @@ class PCCForwardModel(MemorylessModel):
         configurations: Configurations,
         memory: Memory,
         disturbances: Disturbances | None = None,
-    ) -> Float[Array, "*batch modules 6"]:
+    ) -> States:
         """See `ForwardModel`: bend biases are added to the bends."""
         if disturbances is not None:
             bends = bends_from_configurations(configurations)

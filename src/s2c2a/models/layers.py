@@ -15,11 +15,11 @@ from s2c2a.arm.geometry import cables_present, raised
 from s2c2a.data import Samples, Split
 from s2c2a.kinematics import bends_from_cables
 from s2c2a.kinematics.bends import SMALL_SQUARE
+from s2c2a.kinematics.pcc import Cables
+from s2c2a.models.arrays import Actions, Matrices
 from s2c2a.paper import HEADROOM, sum_and_range
 from s2c2a.plugins.components import Options, Ranges
 from s2c2a.training.fit import Fixed, FromArm
-
-Actions = Float[Array, "*batch modules cables"]
 
 
 class Scaling(paper.Scaling, Fixed):
@@ -64,13 +64,13 @@ class SumAndRange(FromArm):
         evenly_three: whether eq. (10) applies.
     """
 
-    matrices: Float[Array, "modules cables 2"]
+    matrices: Matrices
     pseudo_inverses: Float[Array, "modules 2 cables"]
-    neutral: Float[Array, "modules cables"]
+    neutral: Cables
     unit: Float[Array, "modules 1"]
-    low: Float[Array, "modules cables"]
-    high: Float[Array, "modules cables"]
-    balance: Float[Array, "modules cables"] | None
+    low: Cables
+    high: Cables
+    balance: Cables | None
     evenly_three: bool = eqx.field(static=True)
 
     @classmethod

@@ -15,12 +15,14 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from s2c2a.kinematics import bends_from_configurations, limit_lengths
-from s2c2a.models.cables import HysteresisMemory
+from s2c2a.kinematics.chain import States
+from s2c2a.models.arrays import Actions, Bends, Configurations, Deviations, ModuleBends
+from s2c2a.models.cables import HysteresisMemory, Inputs
 from s2c2a.models.chain import ChainC2S
 from s2c2a.models.data_region import PRIOR_STD, DataRegion
 from s2c2a.models.disturbances import Disturbances
-from s2c2a.models.forward_model import Configurations, WrappedModel
-from s2c2a.models.residual_process import ResidualProcess
+from s2c2a.models.forward_model import WrappedModel
+from s2c2a.models.residual_process import Features, PerFeature, ResidualProcess
 from s2c2a.spaces import AXIS, POSITION
 
 NEARBY = 0.2  # rad; radius within which the tangent holds
@@ -37,8 +39,8 @@ class Tangent(NamedTuple):
         slopes: their derivatives by features, shape (outputs, features).
     """
 
-    bends: Float[Array, "modules 2"]
-    features: Float[Array, " features"]
+    bends: ModuleBends
+    features: PerFeature
     values: Float[Array, " outputs"]
     slopes: Float[Array, "outputs features"]
 
@@ -89,7 +91,7 @@ class LocalC2S(WrappedModel):
         configurations: Configurations,
         memory: HysteresisMemory,
         disturbances: Disturbances | None = None,
-    ) -> Float[Array, "*batch modules 6"]:
+    ) -> States:
         bends = bends_from_configurations(configurations)
         inputs = self._inputs_at(bends, memory)
         states = self.chain.states(inputs, disturbances)
@@ -103,21 +105,17 @@ class LocalC2S(WrappedModel):
         values = tangent.values + jnp.einsum("of,...f->...o", tangent.slopes, moved)
         return self._corrected(states, values)
 
-    def _inputs_at(
-        self, bends: Float[Array, "*batch modules 2"], memory: HysteresisMemory
-    ) -> Float[Array, "*batch modules inputs cables"]:
+    def _inputs_at(self, bends: Bends, memory: HysteresisMemory) -> Inputs:
         moved = jnp.einsum("mnk,...mk->...mn", self.chain.body.matrices, bends)
         return self.chain.inputs(moved, memory)
 
     def predictive_std(
         self, configurations: Configurations, memory: HysteresisMemory
-    ) -> Float[Array, "*batch modules"]:
+    ) -> Deviations:
         displacements = self.chain.body.displacements(configurations)
         return self.std_at(self.chain.inputs(displacements, memory))
 
-    def std_at(
-        self, inputs: Float[Array, "*batch modules inputs cables"]
-    ) -> Float[Array, "*batch modules"]:
+    def std_at(self, inputs: Inputs) -> Deviations:
         """`predictive_std` for inputs of the hysteresis model.
 
         That of the process, of its samples, and of the chain's reach.
@@ -135,30 +133,22 @@ class LocalC2S(WrappedModel):
         displacements = self.chain.body.displacements(configurations)
         return self._extrapolation_at(self.chain.slackened(displacements))
 
-    def _extrapolation_at(
-        self, displacements: Float[Array, "*batch modules cables"]
-    ) -> Float[Array, "*batch"]:
+    def _extrapolation_at(self, displacements: Actions) -> Float[Array, "*batch"]:
         relative = self.region.extrapolation(self.region_features(displacements))
         return PRIOR_STD * jnp.sum(self.chain.body.lengths) * relative
 
-    def states(
-        self, inputs: Float[Array, "*batch modules inputs cables"]
-    ) -> Float[Array, "*batch modules 6"]:
+    def states(self, inputs: Inputs) -> States:
         """States for inputs of the hysteresis model. Training calls this."""
         residual = self.process(self.features(inputs))
         return self._corrected(self.chain.states(inputs), residual)
 
-    def region_features(
-        self, displacements: Float[Array, "*batch modules cables"]
-    ) -> Float[Array, "*batch features"]:
+    def region_features(self, displacements: Actions) -> Features:
         """Features of `DataRegion`: bends and common displacements [rad], without hysteresis."""
         bends = self.chain.body.bends(displacements)
         common = jnp.mean(displacements, axis=-1, keepdims=True)
         return jnp.concatenate([bends, common], axis=-1).reshape(*bends.shape[:-2], -1)
 
-    def features(
-        self, inputs: Float[Array, "*batch modules inputs cables"]
-    ) -> Float[Array, "*batch features"]:
+    def features(self, inputs: Inputs) -> Features:
         """Features of the process: bends and common displacements.
 
         They are those of the present displacements and of some play operators. Those of
@@ -174,10 +164,8 @@ class LocalC2S(WrappedModel):
         return jnp.concatenate([bends, common], axis=-1).reshape(*used.shape[:-3], -1)
 
     def _corrected(
-        self,
-        states: Float[Array, "*batch modules 6"],
-        outputs: Float[Array, "*batch outputs"],
-    ) -> Float[Array, "*batch modules 6"]:
+        self, states: States, outputs: Float[Array, "*batch outputs"]
+    ) -> States:
         """States of the chain with their expected residual."""
         units = jnp.repeat(jnp.array([self.unit, 1.0]), 3)  # [m, 1]
         corrected = states + units * outputs.reshape(*outputs.shape[:-1], -1, 6)

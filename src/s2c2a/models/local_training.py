@@ -16,6 +16,7 @@ from jaxtyping import Float, PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
 from s2c2a.data.windows import APART, Samples, Split, forward_samples, known_samples
+from s2c2a.models.arrays import FeatureRows, OutputRows
 from s2c2a.models.chain import LENGTH_UNIT, ChainC2S
 from s2c2a.models.chain_training import (
     ChainOptions,
@@ -167,11 +168,7 @@ class LocalOptions(ChainOptions):
         steps = min(max(round(data.arm.control_rate), 1), len(features) - 1)
         motion = np.sqrt(np.mean((features[steps:] - features[:-steps]) ** 2, axis=0))
         fitted = fit_process(
-            features,
-            _residual(blank, every),
-            _kinds(blank.chain),
-            motion,
-            self.points,
+            features, _residual(blank, every), _kinds(blank.chain), motion, self.points
         )
         noises = [replace(fitted, noise=each * fitted.noise) for each in NOISES]
         judged = [_judged(replace(blank, process=each), split) for each in noises]
@@ -285,16 +282,12 @@ def _kinds(chain: ChainC2S) -> Float[np.ndarray, "features kinds"]:
     return np.hstack([component, np.eye(inputs)[number]])
 
 
-def _features(
-    model: LocalC2S, samples: Samples
-) -> Float[np.ndarray, "samples features"]:
+def _features(model: LocalC2S, samples: Samples) -> FeatureRows:
     inputs = jnp.asarray(samples.inputs["configurations"])
     return np.asarray(eqx.filter_jit(model.features)(inputs))
 
 
-def _residual(
-    model: LocalC2S, samples: Samples
-) -> Float[np.ndarray, "samples outputs"]:
+def _residual(model: LocalC2S, samples: Samples) -> OutputRows:
     """What the chain leaves, in units of the outputs."""
     inputs = jnp.asarray(samples.inputs["configurations"])
     residual = samples.targets - np.asarray(eqx.filter_jit(model.chain.states)(inputs))

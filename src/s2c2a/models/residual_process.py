@@ -17,11 +17,16 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import optax
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
-from s2c2a.kinematics.bends import Numbers
+from s2c2a.kinematics.bends import Numbers, Scalar, Truth
+from s2c2a.models.arrays import FeatureRows, OutputRows
 from s2c2a.training.fit import Fixed
 
+Features = Float[Array, "*batch features"]
+PerFeature = Float[Array, " features"]
+PerOutput = Float[Array, " outputs"]
+Kinds = Float[Array, "features kinds"]
 GAP = 25  # samples over which residuals of recorded arms are correlated
 SUBSET = 100
 """Samples that hyperparameters need at least; short recordings have a smaller gap."""
@@ -51,15 +56,15 @@ class ResidualProcess(Fixed):
         scale: standard deviation of each output, shape (outputs,).
     """
 
-    center: Float[Array, " features"]
-    rates: Float[Array, " features"]
+    center: PerFeature
+    rates: PerFeature
     points: Float[Array, "points features"]
     weights: Float[Array, "points outputs"]
     root: Float[Array, "points points"]
-    constant: Float[Array, " outputs"]
-    amplitude: Float[Array, ""]
-    noise: Float[Array, ""]
-    scale: Float[Array, " outputs"]
+    constant: PerOutput
+    amplitude: Scalar
+    noise: Scalar
+    scale: PerOutput
 
     @classmethod
     def none(cls, features: int, outputs: int, points: int) -> "ResidualProcess":
@@ -77,33 +82,23 @@ class ResidualProcess(Fixed):
         )
 
     @property
-    def is_fitted(self) -> Bool[Array, ""]:
+    def is_fitted(self) -> Truth:
         """Whether the process has samples."""
         return self.amplitude > 0.0
 
-    def __call__(
-        self, features: Float[Array, "*batch features"]
-    ) -> Float[Array, "*batch outputs"]:
+    def __call__(self, features: Features) -> Float[Array, "*batch outputs"]:
         """Means, shape (*batch, outputs)."""
         return self._kernel(features) @ self.weights + self.constant
 
-    def variance(
-        self, features: Float[Array, "*batch features"]
-    ) -> Float[Array, "*batch"]:
+    def variance(self, features: Features) -> Float[Array, "*batch"]:
         """Variance of the mean over that of the outputs: small near the samples."""
         explained = jnp.sum((self._kernel(features) @ self.root) ** 2, axis=-1)
         return self.amplitude * jnp.clip(1.0 - explained, 0.0, 1.0)
 
-    def _kernel(
-        self, features: Float[Array, "*batch features"]
-    ) -> Float[Array, "*batch points"]:
+    def _kernel(self, features: Features) -> Float[Array, "*batch points"]:
         return matern((features - self.center) * self.rates, self.points)
 
-    def given(
-        self,
-        features: Float[np.ndarray, "samples features"],
-        targets: Float[np.ndarray, "samples outputs"],
-    ) -> "ResidualProcess":
+    def given(self, features: FeatureRows, targets: OutputRows) -> "ResidualProcess":
         """The process with these samples alone; its hyperparameters stay.
 
         Args:
@@ -141,9 +136,7 @@ class ResidualProcess(Fixed):
             constant=for_all_outputs(mean),
         )
 
-    def deviations(
-        self, features: Float[np.ndarray, "samples features"]
-    ) -> Float[np.ndarray, " samples"]:
+    def deviations(self, features: FeatureRows) -> Float[np.ndarray, " samples"]:
         """Deviation of samples over that of the outputs, with their noise."""
         variances = self.variance(jnp.asarray(features, jnp.float32)) + self.noise
         return np.sqrt(np.asarray(variances))
@@ -169,8 +162,8 @@ def matern(
 
 
 def fit_process(
-    features: Float[np.ndarray, "samples features"],
-    targets: Float[np.ndarray, "samples outputs"],
+    features: FeatureRows,
+    targets: OutputRows,
     kinds: Float[np.ndarray, "features kinds"],
     motion: Float[np.ndarray, " features"],
     points: int,
@@ -241,10 +234,8 @@ def _subsets(samples: int, random: np.random.Generator) -> np.ndarray:
 
 
 def _rates(
-    logarithms: dict[str, Array],
-    kinds: Float[Array, "features kinds"],
-    motion: Float[Array, " features"],
-) -> Float[Array, " features"]:
+    logarithms: dict[str, Array], kinds: Kinds, motion: PerFeature
+) -> PerFeature:
     """Inverse length scales of normalized features, for which the motion is short."""
     rates = jnp.exp(logarithms["all"] + kinds @ logarithms["kinds"])
     squared = jnp.sum((rates * motion) ** 2)
@@ -257,8 +248,8 @@ def _maximize(
     initial: dict,
     x: Float[Array, "subsets size features"],
     y: Float[Array, "subsets size outputs"],
-    kinds: Float[Array, "features kinds"],
-    motion: Float[Array, " features"],
+    kinds: Kinds,
+    motion: PerFeature,
 ) -> dict:
     """Logarithms of the hyperparameters that maximize the mean likelihood."""
     # made here: as an argument, each new optimizer would be another program
@@ -293,9 +284,7 @@ def _negative_log_likelihood(
 
 
 def precisions(
-    samples: Float[np.ndarray, "samples features"],
-    points: Float[np.ndarray, "points features"],
-    noise: float,
+    samples: FeatureRows, points: Float[np.ndarray, "points features"], noise: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """What samples tell at inducing points, of a process with a kernel of variance one.
 

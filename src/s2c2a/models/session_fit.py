@@ -30,6 +30,11 @@ from s2c2a.models.session import DayChange, SessionC2S
 from s2c2a.spaces import AXIS, POSITION
 from s2c2a.training import TrainingData
 
+ChangeNumbers = Float[np.ndarray, " numbers"]
+Chosen = Bool[np.ndarray, "episodes samples"]
+Errors = Float[np.ndarray, "samples 3"]
+Points = Float[np.ndarray, "points 3"]
+Vector = Float[np.ndarray, "3"]
 TRANSLATION = 5e-3  # m; of a tracking that stays where it is, unless more is seen
 ROTATION = np.deg2rad(3.0)  # of the same: 5 mm over a base plate of 0.1 m
 CABLE = 1e-3  # m; homings and pretensions of servo arms differ by this much
@@ -205,10 +210,7 @@ class _Residuals:
         self._start = self._likeliest()
 
     def posterior(
-        self,
-        fitted: Bool[np.ndarray, "episodes samples"],
-        inflation: float,
-        duration: float = 1.0,
+        self, fitted: Chosen, inflation: float, duration: float = 1.0
     ) -> DayPosterior:
         """The change that fits some samples, and its covariance.
 
@@ -230,7 +232,7 @@ class _Residuals:
         of_model = SOFTNESS * np.asarray(ravel_pytree(wrong)[0])
         return DayPosterior(change, covariance + np.diag(of_model**2))
 
-    def _likeliest(self) -> Float[np.ndarray, " numbers"]:
+    def _likeliest(self) -> ChangeNumbers:
         """Numbers to start from: of a frame or a homing that first changes alone."""
         seen = self._known[0]
         nothing = np.zeros_like(self._scales)
@@ -246,7 +248,7 @@ class _Residuals:
         fits = [self._nearest(start, everything, 1.0)[0] for start in starts]
         return min(fits, key=self._surprise)
 
-    def _surprise(self, numbers: Float[np.ndarray, " numbers"]) -> float:
+    def _surprise(self, numbers: ChangeNumbers) -> float:
         """Negative log probability by positions of the tip, without constants.
 
         Axes can be fitted at the cost of positions, and errors that last longer count for
@@ -261,10 +263,10 @@ class _Residuals:
 
     def _nearest(
         self,
-        numbers: Float[np.ndarray, " numbers"],
-        fitted: Bool[np.ndarray, "episodes samples"],
+        numbers: ChangeNumbers,
+        fitted: Chosen,
         inflation: float,
-        prior: Float[np.ndarray, " numbers"] | None = None,
+        prior: ChangeNumbers | None = None,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The optimum that is nearest to a start.
 
@@ -299,7 +301,7 @@ class _Residuals:
             numbers = numbers + scales * np.linalg.solve(precision, gradient)
         return numbers, scales, precision
 
-    def _grown(self, numbers: Float[np.ndarray, " numbers"]) -> np.ndarray:
+    def _grown(self, numbers: ChangeNumbers) -> np.ndarray:
         """Scales of days, or of the change of frame or cables, whichever are larger."""
         parts = self._as_change(numbers / self._scales)
         sizes = jax.tree.map(
@@ -315,9 +317,7 @@ class _Residuals:
         return np.where(self.seen_tip[..., None], errors, np.nan)
 
 
-def register(
-    places: Float[np.ndarray, "points 3"], seen: Float[np.ndarray, "points 3"]
-) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
+def register(places: Points, seen: Points) -> tuple[Vector, Vector]:
     """Translation [m] and rotation vector [rad] that bring most places to where they are seen.
 
     Args:
@@ -368,7 +368,7 @@ def _scales(arm: ArmSpec) -> DayChange:
     )
 
 
-def _weight(errors: Float[np.ndarray, "samples 3"]) -> float:
+def _weight(errors: Errors) -> float:
     """Weight of every sample: the inverse variance, over the time of correlation."""
     power = float((errors**2).sum())
     if not power > 0.0:
@@ -376,7 +376,7 @@ def _weight(errors: Float[np.ndarray, "samples 3"]) -> float:
     return errors.size / (power * samples_per_independent_one(errors))
 
 
-def samples_per_independent_one(errors: Float[np.ndarray, "samples 3"]) -> float:
+def samples_per_independent_one(errors: Errors) -> float:
     """Number of successive samples that tell as much as one independent one.
 
     1 + 2 sum r_k, with the correlations r_k up to the first that is not positive.

@@ -28,9 +28,9 @@ from jaxtyping import Array, Bool, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.arm.geometry import per_module
+from s2c2a.models.arrays import Actions, Bends, Matrices, PerModule
 from s2c2a.models.cables import Viscoelasticity
 
-Bends = Float[Array, "*batch modules 2"]
 NEWTON_ITERATIONS = 6  # the energy is convex and piecewise quadratic
 WARM_ITERATIONS = 2  # from bends near the equilibrium
 # line search; with five cables and more, full Newton steps can cycle
@@ -67,10 +67,10 @@ class StaticState(NamedTuple):
     slack: Float[Array, "*batch modules 1"]
     inner_bends: Bends
     pulled: Bends
-    pulls: Float[Array, "*batch modules cables"]
+    pulls: Actions
 
     @classmethod
-    def straight(cls, like: Float[Array, "*batch modules cables"]) -> "StaticState":
+    def straight(cls, like: Actions) -> "StaticState":
         """A straight arm without tension, for as many modules and cables as `like`."""
         none = jnp.zeros((*like.shape[:-1], 2))
         no_slack = none[..., :1]
@@ -93,10 +93,10 @@ class Equilibrium(eqx.Module):
         relaxation: weights of the moments toward former bends, shape (modules, times, 1).
     """
 
-    log_stiffness: Float[Array, " modules"]
-    tautness: Float[Array, " modules"]
-    log_axial_compliance: Float[Array, " modules"]
-    coupling: Float[Array, " modules"]
+    log_stiffness: PerModule
+    tautness: PerModule
+    log_axial_compliance: PerModule
+    coupling: PerModule
     relaxation: Viscoelasticity
 
     @classmethod
@@ -118,9 +118,9 @@ class Equilibrium(eqx.Module):
 
     def sweep(
         self,
-        transmitted: Float[Array, "*batch modules cables"],
+        transmitted: Actions,
         moments: Bends,
-        matrices: Float[Array, "modules cables 2"],
+        matrices: Matrices,
         softness: Float[Array, "modules 1"],
         rest: StaticState,
         engaged: bool,
@@ -175,11 +175,11 @@ def _sum_outwards(values: Array, axis: int) -> Array:
 
 
 def bend_at_rest(
-    displacements: Float[Array, "*batch modules cables"],
+    displacements: Actions,
     moments: Bends,
-    matrices: Float[Array, "modules cables 2"],
-    stiffness: Float[Array, " modules"],
-    tautness: Float[Array, " modules"],
+    matrices: Matrices,
+    stiffness: PerModule,
+    tautness: PerModule,
     engaged: bool = False,
     start: Bends | float = 0.0,
     is_first: Bool[Array, ""] | bool = True,

@@ -8,9 +8,9 @@ from jaxtyping import Array, Float
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.arm.geometry import per_module
 from s2c2a.kinematics import bends_from_cables, bends_from_configurations
+from s2c2a.models.arrays import Actions, Bends, Configurations, Matrices, PerModule
 from s2c2a.training.fit import FromArm
 
-PerModule = Float[Array, " modules"]
 TAUT = 0.5  # typical share of cables that are taut
 
 
@@ -38,7 +38,7 @@ class Trunk(FromArm):
     """
 
     lengths: PerModule
-    matrices: Float[Array, "modules cables 2"]
+    matrices: Matrices
     inverses: Float[Array, "modules 2 cables"]
     radii: PerModule
     compliances: PerModule
@@ -73,15 +73,11 @@ class Trunk(FromArm):
         )
         return cls(*(jax.device_put(np.asarray(array, np.float32)) for array in arrays))
 
-    def displacements(
-        self, configurations: Float[Array, "*batch modules 3"]
-    ) -> Float[Array, "*batch modules cables"]:
+    def displacements(self, configurations: Configurations) -> Actions:
         """Cable displacements over the cable radius [rad]."""
         bends = bends_from_configurations(configurations)
         return jnp.einsum("mnk,...mk->...mn", self.matrices, bends)
 
-    def bends(
-        self, displacements: Float[Array, "*batch modules cables"]
-    ) -> Float[Array, "*batch modules 2"]:
+    def bends(self, displacements: Actions) -> Bends:
         """Bends of cable displacements [rad], shape (*batch, modules, 2)."""
         return bends_from_cables(self.inverses, displacements)

@@ -19,12 +19,13 @@ from s2c2a.arm import ArmSpec
 from s2c2a.errors import TrainingError, counted
 from s2c2a.execution.compilation import compiled
 from s2c2a.files.text import MAX_COUNT, MAX_SEED, is_seed
+from s2c2a.kinematics.bends import Scalar
 from s2c2a.paper import BATCH_SIZE, EPOCHS, LEARNING_RATE
 from s2c2a.plugins.components import Options, Ranges
 
 Batch = dict[str, Array]
 Network = TypeVar("Network", bound=eqx.Module)
-Loss = Callable[[Network, Batch, PRNGKeyArray | None], Float[Array, ""]]
+Loss = Callable[[Network, Batch, PRNGKeyArray | None], Scalar]
 TrainingProgress = Callable[[int, int, float], None]
 """Callback with the epoch, the largest number of epochs, and the validation loss."""
 
@@ -90,8 +91,8 @@ class _State(NamedTuple):
     weights: Array
     optimizer: Array
     best_weights: Array
-    best_loss: Float[Array, ""]
-    decay_steps: Float[Array, ""]
+    best_loss: Scalar
+    decay_steps: Scalar
 
 
 def fit(
@@ -167,7 +168,7 @@ def fit(
 
 
 def _optimizer(
-    options: FitOptions, decay_steps: Float[Array, ""]
+    options: FitOptions, decay_steps: Scalar
 ) -> optax.GradientTransformation:
     if not options.decay:
         return optax.adam(options.learning_rate)

@@ -11,15 +11,10 @@ from jaxtyping import Array, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
 from s2c2a.data import Samples, Split
-from s2c2a.training.fit import (
-    Batch,
-    FitOptions,
-    Loss,
-    Network,
-    TrainingProgress,
-    fit,
-)
+from s2c2a.training.fit import Batch, FitOptions, Loss, Network, TrainingProgress, fit
 
+Outputs = Float[np.ndarray, "samples modules outputs"]
+Ranges = Float[np.ndarray, "modules outputs"]
 ModelType = TypeVar("ModelType", bound=eqx.Module, covariant=True)
 
 
@@ -135,9 +130,7 @@ def as_batch(samples: Samples) -> Batch:
 
 
 def percent_error(
-    predicted: Float[np.ndarray, "samples modules outputs"],
-    true: Float[np.ndarray, "samples modules outputs"],
-    ranges: Float[np.ndarray, "modules outputs"],
+    predicted: Outputs, true: Outputs, ranges: Ranges
 ) -> tuple[float, float]:
     """Mean and standard deviation of |error|, in percent of each output's full range.
 
@@ -147,9 +140,7 @@ def percent_error(
     return float(percent.mean()), float(percent.std())
 
 
-def full_ranges(
-    values: Float[np.ndarray, "samples modules outputs"],
-) -> Float[np.ndarray, "modules outputs"]:
+def full_ranges(values: Outputs) -> Ranges:
     """Range of each output; one for an output that is constant or unknown.
 
     What moves by less than the resolution of single precision is constant, as across the
