@@ -19,6 +19,9 @@ PREVIEW_INTERVAL = 0.1  # s between them; a control step where that is longer
 START_TIME = 1.0  # s; chosen: until a plan beside obstacles is at its full pace
 MAX_OBSTACLES = 64  # benchmarks/bench_growth.py measures what they cost
 Numbers = np.ndarray  # inside the planner, JAX traces the same fields
+Scalar = Float[Numbers, ""]
+PerModule = Float[Numbers, " modules"]
+Vectors = Float[Numbers, "modules 3"]
 
 
 class Goal(NamedTuple):
@@ -44,18 +47,18 @@ class Goal(NamedTuple):
         shape_weight: of these bends; zero if no shape is desired.
     """
 
-    positions: Float[Numbers, "modules 3"]
-    position_weights: Float[Numbers, " modules"]
-    axes: Float[Numbers, "modules 3"]
-    axis_weights: Float[Numbers, " modules"]
+    positions: Vectors
+    position_weights: PerModule
+    axes: Vectors
+    axis_weights: PerModule
     obstacles: Float[Numbers, "obstacles 3"]
     thresholds: Float[Numbers, " obstacles"]
     cores: Float[Numbers, "obstacles 8"]
-    obstacle_weight: Float[Numbers, ""]
-    change_weight: Float[Numbers, ""]
+    obstacle_weight: Scalar
+    change_weight: Scalar
     preview: Float[Numbers, "moments modules 6"]
     shape: Float[Numbers, "modules 2"]
-    shape_weight: Float[Numbers, ""]
+    shape_weight: Scalar
 
     def __repr__(self) -> str:
         """Fields, and shapes of arrays."""

@@ -18,7 +18,10 @@ TURN, HALF_EDGES, DISC = slice(0, 4), slice(4, 7), 7
 """Numbers of a core: a unit quaternion (x, y, z, w; zeros: not turned), half the edges of
 the box and the radius of the disc [m]."""
 
+Lengths = Float[Any, "*batch"]
 Vectors = Float[Any, "*batch 3"]
+Cores = Float[Any, "*batch 8"]
+Row = Float[np.ndarray, "12"]
 Rows = Float[np.ndarray, "*batch obstacles 12"]
 SKIN = 1e-4  # m; chosen: a threshold of zero is no obstacle, and nobody sees 0.1 mm
 HALF_SPACE = 50.0  # m; half the edge of the cube that stands for one: beyond any arm
@@ -34,11 +37,7 @@ def rows_of(obstacles: Float[np.ndarray, "*batch obstacles columns"]) -> Rows:
     return np.pad(obstacles, [(0, 0)] * (obstacles.ndim - 1) + [(0, missing)])
 
 
-def distances(
-    points: Vectors,
-    centers: Vectors,
-    cores: Float[Any, "*batch 8"],
-) -> Float[Any, "*batch"]:
+def distances(points: Vectors, centers: Vectors, cores: Cores) -> Lengths:
     """Signed distances of points from cores [m], negative inside boxes and discs.
 
     Args:
@@ -60,17 +59,17 @@ def turned(vectors: Vectors, axes: Vectors, last: Float[Any, "*batch 1"]) -> Vec
     return vectors + 2.0 * (last * half + xp.cross(axes, half))
 
 
-def is_sphere(row: Float[np.ndarray, "12"]) -> bool:
+def is_sphere(row: Row) -> bool:
     """Whether a row is that of a sphere."""
     return not row[CORE][HALF_EDGES].any() and row[CORE][DISC] == 0.0
 
 
-def is_half_space(row: Float[np.ndarray, "12"]) -> bool:
+def is_half_space(row: Row) -> bool:
     """Whether a row is that of a half-space."""
     return bool(row[CORE][HALF_EDGES].min() >= HALF_SPACE)
 
 
-def normal_of(half_space: Float[np.ndarray, "12"]) -> Float[np.ndarray, "3"]:
+def normal_of(half_space: Row) -> Float[np.ndarray, "3"]:
     """Unit vector out of a half-space, given as the row of its large cube."""
     turn = half_space[CORE][TURN]
     axis = turned(np.array([0.0, 0.0, 1.0]), turn[:3], turn[3:])
@@ -92,11 +91,7 @@ def turns_to(directions: Vectors) -> Float[Any, "*batch 4"]:
     return turns / xp.linalg.vector_norm(turns, axis=-1, keepdims=True)
 
 
-def swept(
-    thresholds: Float[Any, "*batch"],
-    cores: Float[Any, "*batch 8"],
-    ways: Vectors,
-) -> tuple[Float[Any, "*batch"], Float[Any, "*batch 8"]]:
+def swept(thresholds: Lengths, cores: Cores, ways: Vectors) -> tuple[Lengths, Cores]:
     """Thresholds [m] and cores of obstacles that cover their ways, from the middles of these.
 
     Spheres become capsules. Other solids are larger by half of their ways, all around.
@@ -120,7 +115,7 @@ def swept(
     )
 
 
-def _outside(excess: Float[Any, "*batch 2"]) -> Float[Any, "*batch"]:
+def _outside(excess: Float[Any, "*batch 2"]) -> Lengths:
     """Signed distance from a corner, from how far each axis exceeds it.
 
     The gradient at the corner is zero.

@@ -9,6 +9,7 @@ from typing import TypeVar
 import numpy as np
 from jaxtyping import Float
 
+Path = Float[np.ndarray, "steps *shape"]
 AnyArray = TypeVar("AnyArray")  # of NumPy or JAX
 
 
@@ -25,11 +26,7 @@ def play(last: AnyArray, low: AnyArray, high: AnyArray) -> AnyArray:
     return last.clip(low, high)  # type: ignore[attr-defined]
 
 
-def play_along(
-    start: Float[np.ndarray, "*shape"],
-    low: Float[np.ndarray, "steps *shape"],
-    high: Float[np.ndarray, "steps *shape"],
-) -> Float[np.ndarray, "steps *shape"]:
+def play_along(start: Float[np.ndarray, "*shape"], low: Path, high: Path) -> Path:
     """Outputs of a play operator along a path, from a first output on."""
     outputs = np.empty_like(low)
     last = start

@@ -15,9 +15,9 @@ from s2c2a.kinematics import (
 )
 from s2c2a.kinematics.pcc import Cables
 from s2c2a.models import C2A, History
+from s2c2a.models.arrays import Configuration, ModuleBends
 from s2c2a.paper import pushed
 
-Configuration = Float[Array, "modules 3"]
 Memory = Any  # a pytree of arrays
 
 
@@ -113,8 +113,8 @@ class CorrectedMemory(NamedTuple):
     """
 
     inner: Memory
-    desired: Float[Array, "modules 2"]
-    offset: Float[Array, "modules 2"]
+    desired: ModuleBends
+    offset: ModuleBends
 
 
 class CorrectedController(Controller):
@@ -136,10 +136,7 @@ class CorrectedController(Controller):
         return CorrectedMemory(self.inner.start(sensed), bends, jnp.zeros_like(bends))
 
     def act(
-        self,
-        desired: Configuration,
-        sensed: Configuration,
-        memory: CorrectedMemory,
+        self, desired: Configuration, sensed: Configuration, memory: CorrectedMemory
     ):
         error = memory.desired - bends_from_configurations(sensed)
         offset = limit_lengths(memory.offset + self.gain * error, self.largest)

@@ -10,6 +10,9 @@ from jaxtyping import Bool, Float
 from s2c2a.errors import RecordingError, counted
 from s2c2a.spaces import ACTION_HISTORY, CONFIGURATION_HISTORY
 
+Sensed = Float[np.ndarray, "episodes samples modules 3"]
+EpisodeStates = Float[np.ndarray, "episodes samples modules 6"]
+EpisodeActions = Float[np.ndarray, "episodes samples modules cables"]
 # Training, validation and test samples, as shares of a piece in order of time. The gap
 # after the training samples, and before those of the next piece, is there because
 # neighbors in time are alike: a model that interpolates them would look better than it is.
@@ -108,8 +111,8 @@ def stretches(lengths: Sequence[int], shares: Shares = PARTS) -> list[list[Stret
 
 
 def forward_samples(
-    configurations: Float[np.ndarray, "episodes samples modules 3"],
-    states: Float[np.ndarray, "episodes samples modules 6"],
+    configurations: Sensed,
+    states: EpisodeStates,
     lengths: Lengths = None,
     shares: Shares = PARTS,
 ) -> Split:
@@ -129,9 +132,7 @@ def forward_samples(
 
 
 def known_samples(
-    configurations: Float[np.ndarray, "episodes samples modules 3"],
-    states: Float[np.ndarray, "episodes samples modules 6"],
-    lengths: Lengths = None,
+    configurations: Sensed, states: EpisodeStates, lengths: Lengths = None
 ) -> Samples:
     """All samples with a known state, in order of time (`forward_samples`)."""
     rows = _known_rows(states, lengths)
@@ -165,8 +166,8 @@ def _lengths_of(values: np.ndarray, lengths: Lengths) -> Sequence[int]:
 
 
 def controller_samples(
-    configurations: Float[np.ndarray, "episodes samples modules 3"],
-    actions: Float[np.ndarray, "episodes samples modules cables"],
+    configurations: Sensed,
+    actions: EpisodeActions,
     neutral: Float[np.ndarray, "modules cables"],
     lengths: Lengths = None,
 ) -> Split:
@@ -191,7 +192,7 @@ def controller_samples(
 def history_samples(
     name: str,
     sensed: Float[np.ndarray, "episodes samples *sensed"],
-    actions: Float[np.ndarray, "episodes samples modules cables"],
+    actions: EpisodeActions,
     neutral: Float[np.ndarray, "modules cables"],
     *,
     sensed_ages: range,

@@ -14,6 +14,7 @@ from jaxtyping import Array, Float
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError
 from s2c2a.kinematics import PCC, configurations_from_bends, configurations_from_states
+from s2c2a.models.arrays import Configurations
 from s2c2a.plugins.components import Registry
 from s2c2a.spaces import Reading
 
@@ -21,7 +22,6 @@ PAPER_COUPLING = ((0.85, 0.10, 0.05), (0.20, 0.70, 0.10), (0.15, 0.30, 0.55))
 """Coupling matrix of the sensors of three modules (Chen et al. 2025, eq. (11))."""
 
 Measured = Mapping[str, Array | np.ndarray]
-Configurations = Float[Array, "*batch modules 3"]
 
 
 class ConfigurationMap(eqx.Module):
@@ -158,9 +158,7 @@ class UnitLengthMap(WrappedMap):
 
 
 CONFIGURATION_MAPS: Registry[ConfigurationMap] = Registry(
-    "sensor",
-    ConfigurationMap,
-    {"encoders": EncoderMap, "true": TrueConfigurationMap},
+    "sensor", ConfigurationMap, {"encoders": EncoderMap, "true": TrueConfigurationMap}
 )
 """Built-in configuration maps by their names in `sensing` of an arm file."""
 

@@ -32,6 +32,7 @@ from s2c2a.estimation.sensor_models import (
 from s2c2a.files.text import LARGEST
 from s2c2a.kinematics import bends_from_configurations, bends_from_states, limit_lengths
 from s2c2a.kinematics.bends import FlatBends, Scalar, Truth
+from s2c2a.models.arrays import Configuration, ModuleBends
 from s2c2a.models.disturbances import Disturbances
 from s2c2a.models.forward_model import ForwardModel
 
@@ -107,9 +108,7 @@ class DisturbanceFilter(eqx.Module):
 
     # ---- start
 
-    def start(
-        self, configuration: Float[Array, "modules 3"], payload: Scalar
-    ) -> FilterState:
+    def start(self, configuration: Configuration, payload: Scalar) -> FilterState:
         """State of an arm at rest.
 
         Args:
@@ -173,7 +172,7 @@ class DisturbanceFilter(eqx.Module):
     def update(
         self,
         state: FilterState,
-        configuration: Float[Array, "modules 3"],
+        configuration: Configuration,
         measurements: Measurements,
     ) -> FilterState:
         """Predict to the present control step and update with its measurements.
@@ -221,7 +220,7 @@ class DisturbanceFilter(eqx.Module):
         return state._replace(hysteresis=hysteresis)
 
     def _equilibrium(
-        self, state: FilterState, configuration: Float[Array, "modules 3"]
+        self, state: FilterState, configuration: Configuration
     ) -> tuple[Array, Array, FlatBends]:
         """Predicted states and tensions in equilibrium.
 
@@ -432,9 +431,7 @@ class DisturbanceFilter(eqx.Module):
         return jnp.linalg.norm(self.modal_table.forces @ bend_biases)
 
 
-def _disturbance_bends(
-    mean: ArmState, by_payload: FlatBends
-) -> Float[Array, "modules 2"]:
+def _disturbance_bends(mean: ArmState, by_payload: FlatBends) -> ModuleBends:
     """Bends due to payload and bend biases [rad]."""
     return (mean.bend_biases + mean.payload * by_payload).reshape(-1, 2)
 

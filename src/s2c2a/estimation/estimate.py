@@ -12,6 +12,8 @@ from s2c2a.models.disturbances import Disturbances
 from s2c2a.models.forward_model import Memory
 from s2c2a.printing import short_text
 
+Vectors = Float[Numbers, "modules 3"]
+
 
 class Estimate(NamedTuple):
     """Estimate of a state estimator after a reading.
@@ -30,14 +32,14 @@ class Estimate(NamedTuple):
             where there is none, and None if the estimator takes no pictures.
     """
 
-    configuration: Float[Numbers, "modules 3"]
+    configuration: Vectors
     disturbances: Disturbances | None = None
     covariance: Float[Array, "states states"] | None = None
     external_force: Scalar | None = None
     rejected: Mapping[str, Array] = {}
     hysteresis: Memory = None
     memory: Any = ()
-    seen: Float[Numbers, "modules 3"] | None = None
+    seen: Vectors | None = None
 
     def __repr__(self) -> str:
         """Fields, and shapes of arrays."""
@@ -46,7 +48,7 @@ class Estimate(NamedTuple):
     @classmethod
     def of(
         cls,
-        configuration: Float[Numbers, "modules 3"],
+        configuration: Vectors,
         payload: float | Array = 0.0,
         bend_biases: Float[Numbers, "modules 2"] | None = None,
         hysteresis: Memory = None,

@@ -8,6 +8,7 @@ from jaxtyping import Array, Float
 
 from s2c2a.estimation.bias_field import BiasField
 from s2c2a.estimation.outliers import SensorHistory
+from s2c2a.estimation.sensor_models.base import PastBends
 from s2c2a.kinematics.bends import FlatBends, Scalar
 from s2c2a.models.disturbances import Disturbances
 
@@ -105,10 +106,10 @@ class FilterState(NamedTuple):
     covariance: Float[Array, "states states"]
     moments: Disturbances
     hysteresis: Any
-    past_bends: Float[Array, "steps modules 2"]
+    past_bends: PastBends
     past_states: Float[Array, "steps modules 6"]
-    past_disturbance_bends: Float[Array, "steps modules 2"]
-    past_sensed: Float[Array, "steps modules 2"]
+    past_disturbance_bends: PastBends
+    past_sensed: PastBends
     histories: tuple[SensorHistory, ...]
     field: BiasField | None
     expected_biases: FlatBends

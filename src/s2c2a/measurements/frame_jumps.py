@@ -13,6 +13,8 @@ from jaxtyping import Float
 
 from s2c2a.spaces import AXIS, POSITION, States
 
+Times = Float[np.ndarray, " rows"]
+Shift = Float[np.ndarray, "3"]
 LEAST = 0.005
 """Smallest jump, as a share of the arm's length."""
 UNEQUAL = 0.25
@@ -28,10 +30,8 @@ AROUND = 3  # rows on either side of a jump
 
 
 def find_frame_jumps(
-    states: Float[np.ndarray, "rows modules 6"],
-    times: Float[np.ndarray, " rows"],
-    length: float,
-) -> dict[int, Float[np.ndarray, "3"]]:
+    states: Float[np.ndarray, "rows modules 6"], times: Times, length: float
+) -> dict[int, Shift]:
     """Find jumps of all ends at once: the shift [m] by the first row after it.
 
     Two tracked ends are needed, and three rows on either side.
@@ -68,12 +68,12 @@ def find_frame_jumps(
     }
 
 
-def _durations(times: Float[np.ndarray, " rows"]) -> Float[np.ndarray, " steps"]:
+def _durations(times: Times) -> Float[np.ndarray, " steps"]:
     return np.maximum(np.diff(times), np.finfo(float).eps)
 
 
 def _sudden(
-    values: Float[np.ndarray, "rows modules 3"], times: Float[np.ndarray, " rows"]
+    values: Float[np.ndarray, "rows modules 3"], times: Times
 ) -> Float[np.ndarray, "steps modules 3"]:
     """Steps between rows, without the mean velocity before and after."""
     durations = _durations(times)[:, None, None]
@@ -87,7 +87,7 @@ def _is_unusual(noise: Float[np.ndarray, " steps"], step: int) -> bool:
     return len(earlier) >= _FEWEST and bool(noise[step] > UNUSUAL * earlier.max())
 
 
-def describe_frame_jump(shift: Float[np.ndarray, "3"]) -> str:
+def describe_frame_jump(shift: Shift) -> str:
     """Describe a jump, and what to do."""
     values = ", ".join(f"{1e3 * value:.1f}" for value in shift)
     return (
@@ -114,7 +114,7 @@ class FrameJumps:
         """Forget all frames."""
         self._rows: deque[tuple[States, float]] = deque(maxlen=USUAL + 2 * AROUND)
 
-    def find(self, states: States, time: float) -> Float[np.ndarray, "3"] | None:
+    def find(self, states: States, time: float) -> Shift | None:
         """Add a frame; return the jump two frames before [m], None if there is none.
 
         Args:

@@ -13,6 +13,8 @@ from scipy.spatial import KDTree
 
 from s2c2a.measurements.repeats import repeated_rows
 
+RowNumbers = Int[np.ndarray, " rows"]
+RowMask = Bool[np.ndarray, " rows"]
 FALSE_RUNS = 0.01
 """Runs of equal poses that a whole log may have by chance."""
 
@@ -27,10 +29,8 @@ Points = Float[np.ndarray, "rows 3"]
 
 
 def find_frozen(
-    drives: Drives,
-    poses: Float[np.ndarray, "rows numbers"],
-    stretches: Int[np.ndarray, " rows"],
-) -> Bool[np.ndarray, " rows"]:
+    drives: Drives, poses: Float[np.ndarray, "rows numbers"], stretches: RowNumbers
+) -> RowMask:
     """Find the rows in which the pose of one end is only repeated.
 
     Args:
@@ -64,9 +64,7 @@ def find_frozen(
 class _Rows:
     """Rows with a pose: how far do ends move while drives change by as much?"""
 
-    def __init__(
-        self, drives: Drives, positions: Points, stretches: Int[np.ndarray, " rows"]
-    ):
+    def __init__(self, drives: Drives, positions: Points, stretches: RowNumbers):
         self._drives = drives / (drives.std(axis=0) + 1e-12)
         self._positions = positions
         self._stretches = stretches
@@ -77,7 +75,7 @@ class _Rows:
         """Number of rows."""
         return len(self._positions)
 
-    def has_hidden_noise(self, is_repeated: Bool[np.ndarray, " rows"]) -> bool:
+    def has_hidden_noise(self, is_repeated: RowMask) -> bool:
         """Whether poses are equal where drives rest: digits hide noise, if there is any.
 
         Then equal poses alone prove nothing: the arm may rest within its backlash.
@@ -126,9 +124,7 @@ class _Rows:
             self._trees[lag] = KDTree(self._changes(last, lag)), motions
         return self._trees[lag]
 
-    def _changes(
-        self, last: Int[np.ndarray, " rows"], lag: int
-    ) -> Float[np.ndarray, "rows lags"]:
+    def _changes(self, last: RowNumbers, lag: int) -> Float[np.ndarray, "rows lags"]:
         """Sizes of the changes since 1, 2, 4, ... rows: when the drives changed, too.
 
         An arm that has not yet answered to the last change is like others that have not.

@@ -30,7 +30,7 @@ from s2c2a.models.forward_model import ForwardModel, Memory, PCCForwardModel
 from s2c2a.obstacles import distances
 from s2c2a.planning.outcomes import SIGNIFICANT
 from s2c2a.planning.solvers import ResidualVector, solve_least_squares
-from s2c2a.planning.terms import Guard, GuardedPoints
+from s2c2a.planning.terms import Bends, Guard, GuardedPoints
 from s2c2a.printing import short_text
 from s2c2a.spaces import AXIS, POSITION
 
@@ -47,8 +47,8 @@ EVENNESS = 3e-4  # weight of differences between bends: shapes do not drift
 DEPTH_WEIGHT = 20.0  # of depths in obstacles, beside distances
 ALIKE = 2e-3  # of the arm's length: starts that end within it lead as near
 
-Bends = Float[Array, "modules 2"]
 States = Float[Array, "modules 6"]
+PerModule = Float[np.ndarray, " modules"]
 PerTarget = Float[np.ndarray, " targets"]
 
 
@@ -108,8 +108,8 @@ class RestingArm(NamedTuple):
     """
 
     model: ForwardModel
-    lengths: Float[np.ndarray, " modules"]
-    limits: Float[np.ndarray, " modules"]
+    lengths: PerModule
+    limits: PerModule
     payload: Float[np.ndarray, ""] | None
     steerable: Float[np.ndarray, "modules 2 2"] | None
 
@@ -236,9 +236,7 @@ class Reachability:
         return Solutions(np.asarray(found), np.asarray(misses))
 
 
-def spread_bends(
-    limits: Float[np.ndarray, " modules"], count: int
-) -> Float[np.ndarray, "count modules 2"]:
+def spread_bends(limits: PerModule, count: int) -> Float[np.ndarray, "count modules 2"]:
     """Bends [rad] that fill the discs within the limits evenly.
 
     They are an additive recurrence with powers of a generalized golden ratio (Roberts,

@@ -27,9 +27,11 @@ from s2c2a.models.forward_model import ForwardModel
 from s2c2a.obstacles import distances
 from s2c2a.planning.reach import BATCH, Reachability, RestingArm, obstacle_rows
 from s2c2a.planning.solvers import along_axes
-from s2c2a.planning.terms import Guard, GuardedPoints
+from s2c2a.planning.terms import Bends, Guard, GuardedPoints
 from s2c2a.spaces import POSITION
 
+PerShape = Float[np.ndarray, " shapes"]
+NodeNumbers = Int[np.ndarray, " nodes"]
 # chosen; tests/planning/test_detour.py holds ways short and clear
 NEIGHBORS = 12  # of every shape
 ENTRIES = 32  # shapes of the table that start and ends are connected with
@@ -51,7 +53,6 @@ CHANGE, TURN, DEPTH = 0.02, 0.3, 3.0
 the tip."""
 DAMPING = 1e-4  # of squared slopes near one
 
-Bends = Float[Array, "modules 2"]
 Edges = Int[np.ndarray, "edges 2"]
 Shape = Float[np.ndarray, "modules 2"]
 ShapesOf = Float[np.ndarray, "shapes modules 2"]
@@ -127,8 +128,8 @@ class Way(NamedTuple):
         return np.concatenate([[0.0], np.cumsum(turns)])
 
     def at(
-        self, wanted: Float[np.ndarray, " shapes"]
-    ) -> tuple[ShapesOf, Float[np.ndarray, "shapes 3"], Float[np.ndarray, " shapes"]]:
+        self, wanted: PerShape
+    ) -> tuple[ShapesOf, Float[np.ndarray, "shapes 3"], PerShape]:
         """Shapes, tips and room at places between the knots."""
         places = self.places
         parts = self.bends.reshape(len(places), -1), self.tips, self.room[:, None]
@@ -250,7 +251,7 @@ class Roadmap:
         entries: Edges,
         space: FreeSpace,
         misses: Float[np.ndarray, " ends"],
-    ) -> Int[np.ndarray, " nodes"] | None:
+    ) -> NodeNumbers | None:
         """Numbers of the shapes on the shortest free way.
 
         Connections of the table are checked once they are on the shortest way.
@@ -302,7 +303,7 @@ class Roadmap:
 
     def _observe(
         self, bends: ShapesOf, space: FreeSpace
-    ) -> tuple[Float[np.ndarray, "shapes 3"], Float[np.ndarray, " shapes"]]:
+    ) -> tuple[Float[np.ndarray, "shapes 3"], PerShape]:
         """Tips, and clearances of the guarded points, of any number of shapes [m]."""
         count = len(bends)
         rows = np.minimum(np.arange(-(-count // BATCH) * BATCH), count - 1)
@@ -345,14 +346,14 @@ class Roadmap:
 
 def _shortest(
     costs: Float[np.ndarray, " edges"], edges: Edges, count: int, start: int
-) -> tuple[Float[np.ndarray, " nodes"], Int[np.ndarray, " nodes"]]:
+) -> tuple[Float[np.ndarray, " nodes"], NodeNumbers]:
     """Distance of every node from the start, and the node before it."""
     kept = np.isfinite(costs)
     graph = coo_matrix((costs[kept], edges[kept].T), shape=(count, count)).tocsr()
     return dijkstra(graph, directed=False, indices=start, return_predecessors=True)
 
 
-def _nodes(before: Int[np.ndarray, " nodes"], last: int) -> list[int]:
+def _nodes(before: NodeNumbers, last: int) -> list[int]:
     """The nodes on the way to the last one."""
     nodes = [last]
     while before[nodes[-1]] >= 0:

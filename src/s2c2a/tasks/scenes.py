@@ -30,6 +30,7 @@ from s2c2a.obstacles import (
     SKIN,
     THRESHOLD,
     TURN,
+    Row,
     distances,
     turns_to,
 )
@@ -37,11 +38,13 @@ from s2c2a.runtime.border import MAX_DISTANCE
 from s2c2a.tasks.meshes import Cover, covering_spheres
 from s2c2a.tasks.task import Score, Task
 
+Rows = Float[np.ndarray, "rows 12"]
+RowsOverTime = Float[np.ndarray, "steps rows 12"]
+Times = Float[np.ndarray, " steps"]
 MESH_SIZES = (1e-3, 20.0)
 """Longest edges of meshes [m]: of a screw's head and of a room; else a unit is wrong."""
 CLEARANCES = Score("clearance"), Score("clearance of the arm")
 Point = tuple[Free, Free, Free]
-Row = Float[np.ndarray, "12"]
 
 
 def _size(meaning: str) -> Number:
@@ -61,15 +64,13 @@ class Solid(Frozen):
     disappears: Number | None = between(0, 1e6, "s", "when it disappears", None)
     velocity: Point = optional("constant velocity [m/s]", (0.0, 0.0, 0.0))
 
-    def rows(self) -> Float[np.ndarray, "rows 12"]:
+    def rows(self) -> Rows:
         """Rows of the goal (`s2c2a.obstacles`), at time zero."""
         rows = np.array(self._rows(), float)
         rows[:, THRESHOLD] += self.clearance
         return rows
 
-    def rows_at(
-        self, times: Float[np.ndarray, " steps"]
-    ) -> Float[np.ndarray, "steps rows 12"]:
+    def rows_at(self, times: Times) -> RowsOverTime:
         """Rows at times [s]; with a threshold of zero while it is absent."""
         rows = np.tile(self.rows(), (len(times), 1, 1))
         rows[..., CENTER] += times[:, None, None] * np.array(self.velocity)
@@ -251,9 +252,7 @@ class Scene(Frozen):
 
     obstacles: tuple[Kept, ...] = Field(description="tables [[obstacles]]")
 
-    def rows_at(
-        self, times: Float[np.ndarray, " steps"]
-    ) -> Float[np.ndarray, "steps rows 12"]:
+    def rows_at(self, times: Times) -> RowsOverTime:
         """Rows of all obstacles at times [s].
 
         Raises:
@@ -310,7 +309,7 @@ class Scene(Frozen):
         return replace(task, goals=tuple(goals), scores=(*task.scores, *missing))
 
 
-def goal_beside(goal: Goal, rows: Float[np.ndarray, "rows 12"]) -> Goal:
+def goal_beside(goal: Goal, rows: Rows) -> Goal:
     """The goal with further obstacles; with a threshold of zero they are absent.
 
     Raises:
@@ -321,7 +320,7 @@ def goal_beside(goal: Goal, rows: Float[np.ndarray, "rows 12"]) -> Goal:
     return _with_rows(goal, everything)
 
 
-def _with_rows(goal: Goal, rows: Float[np.ndarray, "rows 12"]) -> Goal:
+def _with_rows(goal: Goal, rows: Rows) -> Goal:
     """The goal with these obstacles."""
     weight = float(goal.obstacle_weight)
     parts = rows[:, CENTER], rows[:, THRESHOLD], weight, rows[:, CORE]

@@ -12,6 +12,7 @@ from s2c2a.obstacles import (
     HALF_SPACE,
     THRESHOLD,
     TURN,
+    Row,
     is_half_space,
     normal_of,
     turned,
@@ -21,7 +22,6 @@ from s2c2a.obstacles import (
 AZIMUTHS = np.deg2rad(np.arange(7.5, 360.0, 15.0))
 ELEVATIONS = np.deg2rad([-89.0, -60.0, -30.0, -1.0, 1.0, 30.0, 60.0, 89.0])
 SLAB = 0.02  # of what is shown of a half-space: its thickness
-Row = Float[np.ndarray, "12"]
 Points = Float[np.ndarray, "points 3"]
 
 

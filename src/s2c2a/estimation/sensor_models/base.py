@@ -12,8 +12,10 @@ from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmSpec
 from s2c2a.kinematics.bends import FlatBends, Numbers, Scalar
+from s2c2a.models.arrays import ModuleBends
 from s2c2a.models.forward_model import ForwardModel
 
+PastBends = Float[Array, "steps modules 2"]
 # rad, from the prediction: two step limits of 4 deg; beyond, a measurement is wrong
 MAX_BEND_CHANGE = 0.14
 EMPTY = np.zeros(0, np.float32)
@@ -38,12 +40,12 @@ class ExpectedState(NamedTuple):
         lag: memory of the sensor's hysteresis (`SensorModel.initial_lag`).
     """
 
-    bends: Float[Array, "modules 2"]
-    bend_biases: Float[Array, "modules 2"]
+    bends: ModuleBends
+    bend_biases: ModuleBends
     tensions: Float[Array, "modules cables"]
-    past_bends: Float[Array, "steps modules 2"]
+    past_bends: PastBends
     past_states: Float[Array, "steps modules 6"]
-    bias_change: Float[Array, "steps modules 2"]
+    bias_change: PastBends
     lag: Numbers = EMPTY
 
 
@@ -126,7 +128,7 @@ class SensorModel(eqx.Module):
         """Biases of the sensor that the filter estimates."""
         return BiasPrior.none()
 
-    def initial_lag(self, bends: Float[Array, "modules 2"]) -> Numbers:
+    def initial_lag(self, bends: ModuleBends) -> Numbers:
         """Memory of the sensor's hysteresis at rest; empty if it has none."""
         return EMPTY
 
@@ -156,7 +158,7 @@ class FormulaSensor(SensorModel):
     shape: tuple[int, ...] = eqx.field(static=True)
 
     @abstractmethod
-    def predicted(self, bends: Float[Array, "modules 2"]) -> Float[Array, "*shape"]:
+    def predicted(self, bends: ModuleBends) -> Float[Array, "*shape"]:
         """The values that the sensor measures at these bends, in JAX."""
 
     @property
@@ -179,7 +181,7 @@ class FormulaSensor(SensorModel):
 
 
 def with_jacobian(
-    predict: Callable[[Array], Array], bends: Float[Array, "modules 2"]
+    predict: Callable[[Array], Array], bends: ModuleBends
 ) -> tuple[Values, Float[Array, "values bends"]]:
     """Predicted values and their derivative by the bends."""
     flat = bends.reshape(-1)

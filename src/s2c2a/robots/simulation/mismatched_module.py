@@ -8,6 +8,8 @@ from jaxtyping import Float
 from s2c2a.arm import ArmSpec, Module
 from s2c2a.arm.geometry import directions_at
 
+PerAxis = Float[np.ndarray, "3"]
+
 
 @dataclass(frozen=True)
 class MismatchedModule:
@@ -24,7 +26,7 @@ class MismatchedModule:
 
     nominal: Module
     axes: Float[np.ndarray, "3 3"]
-    stiffnesses: Float[np.ndarray, "3"]
+    stiffnesses: PerAxis
     mass: float
     cables: Float[np.ndarray, "cables 2"]
 
@@ -60,7 +62,7 @@ class MismatchedModule:
         return np.outer(y, axes[:, 0]) - np.outer(x, axes[:, 1])
 
     @property
-    def rest_angles(self) -> Float[np.ndarray, "3"]:
+    def rest_angles(self) -> PerAxis:
         """Rotation about each axis without any force [rad]."""
         mismatch = self.nominal.mismatch
         azimuth = np.deg2rad(mismatch.rest_azimuth_deg)
@@ -68,7 +70,7 @@ class MismatchedModule:
         axis = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
         return self.axes @ (np.deg2rad(mismatch.rest_bend_deg) * axis)
 
-    def cubic_stiffnesses(self, segments: int) -> Float[np.ndarray, "3"]:
+    def cubic_stiffnesses(self, segments: int) -> PerAxis:
         """Return the cubic stiffness of a segment about each axis [N m/rad3]."""
         hardening = self.nominal.mismatch.hardening * np.array([1.0, 1.0, 0.0])
         full_angle = np.deg2rad(self.nominal.bend_limit_deg) / segments

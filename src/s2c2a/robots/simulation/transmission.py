@@ -16,6 +16,7 @@ from s2c2a.arm import ArmGeometry, ArmSpec, Motor
 from s2c2a.arm.backlash import play, play_along
 from s2c2a.arm.geometry import cables_present, per_cable, per_module
 
+Cables = Float[np.ndarray, "*arms modules cables"]
 AnyCables = Float[np.ndarray, "*cables"]
 CablePath = Float[np.ndarray, "times *arms modules cables"]
 
@@ -60,11 +61,7 @@ def measurement_noise(arm: ArmSpec) -> float:
     return arm.motor.measurement_noise(arm.actuation)
 
 
-def read_cables(
-    arm: ArmSpec,
-    motors: Float[np.ndarray, "*arms modules cables"],
-    noise: Float[np.ndarray, "*arms modules cables"],
-) -> Float[np.ndarray, "*arms modules cables"]:
+def read_cables(arm: ArmSpec, motors: Cables, noise: Cables) -> Cables:
     """Return measured displacements [m], tensions [N] or pressures [Pa].
 
     Args:
