@@ -77,11 +77,7 @@ class Mismatch(Frozen):
     rest_bend_deg: Number = between(0, 90, "deg", "bend without any force", 0.0)
     rest_azimuth_deg: Free = absent("azimuth of that bend, from x to y [deg]")
     drift: Number = between(
-        -0.5,
-        0.5,
-        "1",
-        "share of motor motion that is lost once the arm has aged",
-        0.0,
+        -0.5, 0.5, "1", "share of motor motion that is lost once the arm has aged", 0.0
     )
 
     @model_validator(mode="after")

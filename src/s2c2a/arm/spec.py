@@ -140,11 +140,7 @@ class Module(Frozen):
     )
     rest_pressure: Number = PRESSURE.effect("pressure of every chamber at rest")
     chamber_area: Number | None = between(
-        1e-8,
-        0.1,
-        "m2",
-        "cross-section of a chamber; required for pressure arms",
-        None,
+        1e-8, 0.1, "m2", "cross-section of a chamber; required for pressure arms", None
     )
     cable: Cable = Cable()
     mismatch: Mismatch = Mismatch()

@@ -106,10 +106,7 @@ def reach(
 
 
 def _goal(
-    target: tuple[float, float, float],
-    axis: Vector,
-    module: int | None,
-    arm: "ArmSpec",
+    target: tuple[float, float, float], axis: Vector, module: int | None, arm: "ArmSpec"
 ) -> "Goal":
     """The goal of one target.
 

@@ -115,8 +115,6 @@ class C2AOptions(Size, ControllerOptions):
 
 
 CONTROLLERS: Registry[ControllerOptions] = Registry(
-    "controller",
-    ControllerOptions,
-    {"bilstm": C2AOptions},
+    "controller", ControllerOptions, {"bilstm": C2AOptions}
 )
 """Learned controllers by name, for `[c2a] model` in a recipe."""

@@ -191,10 +191,7 @@ def _entries(value: Any) -> dict[Any, Any] | None:
 
 
 def _run_episode(
-    arm: ArmSpec,
-    make_robot: MakeRobot,
-    options: CollectOptions,
-    number: int,
+    arm: ArmSpec, make_robot: MakeRobot, options: CollectOptions, number: int
 ) -> Episode:
     """Drive the arm through one episode and back to rest.
 

@@ -46,8 +46,7 @@ def write_block(file: Any, content: bytes, previous_digest: bytes) -> bytes:
     new_size = file.tell() + START + len(content) + DIGEST
     if new_size > MAX_BYTES:
         raise OSError(
-            errno.EFBIG,
-            f"at most {MAX_BYTES} bytes a file; use several files",
+            errno.EFBIG, f"at most {MAX_BYTES} bytes a file; use several files"
         )
     length = len(content).to_bytes(LENGTH, "little")
     start = WORD + length + _digest(CHECK, previous_digest, length)

@@ -150,9 +150,7 @@ def submit(
 
 
 def in_order(
-    executor: Executor,
-    work: Callable[[Given], Result],
-    arguments: Iterable[Given],
+    executor: Executor, work: Callable[[Given], Result], arguments: Iterable[Given]
 ) -> Iterator[Result]:
     """Yield results in the order of their arguments.
 

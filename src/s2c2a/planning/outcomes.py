@@ -72,9 +72,7 @@ def plan_error(states: Float[Numbers, "modules 6"], goal: Goal) -> float:
 
 
 def judge(
-    planned: Candidate,
-    situation: Situation,
-    lengths: Float[Numbers, " modules"],
+    planned: Candidate, situation: Situation, lengths: Float[Numbers, " modules"]
 ) -> Int[Array, ""]:
     """The outcome of a step.
 

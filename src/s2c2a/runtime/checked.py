@@ -49,10 +49,7 @@ class _Checked:
         return self._error_type(f"{self._failure(method)}: {text}")
 
     def _call(
-        self,
-        method: str,
-        *arguments: Any,
-        read: Callable[[Any], Any] | None = None,
+        self, method: str, *arguments: Any, read: Callable[[Any], Any] | None = None
     ) -> Any:
         """Call a method; what reads its answer may fail by what it finds there."""
         try:

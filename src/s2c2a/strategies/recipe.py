@@ -141,9 +141,7 @@ class Recipe(Options):
         A recipe file names them by their files, wherever these are.
         """
         return replace(
-            self,
-            c2s=_named(self.c2s, MODELS),
-            c2a=_named(self.c2a, CONTROLLERS),
+            self, c2s=_named(self.c2s, MODELS), c2a=_named(self.c2a, CONTROLLERS)
         )
 
     @property
@@ -174,10 +172,7 @@ class Recipe(Options):
             RecordingError: the recipe's speeds are impossible.
         """
         return CollectOptions(
-            self.babbling,
-            self.episodes,
-            seed=seed,
-            speeds=self.speeds,
+            self.babbling, self.episodes, seed=seed, speeds=self.speeds
         )
 
     def untrained(self, arm: ArmSpec, key: PRNGKeyArray) -> dict[str, Any]:
