@@ -177,4 +177,7 @@ def run(
     goals = task if isinstance(task, Task) else load_task(task, robot.arm)
     for text in remarks(goals, robot.arm):
         warnings.warn(text, stacklevel=2)
-    return evaluation.rollout(robot, strategy, goals, progress)
+    episode = evaluation.rollout(robot, strategy, goals, progress)
+    if text := evaluation.describe_faults(episode):
+        warnings.warn(text, stacklevel=2)
+    return episode

@@ -3,6 +3,7 @@ import warnings
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pydantic import ValidationError
 
 from s2c2a.arm import (
     ArmSpec,
@@ -163,6 +164,9 @@ def test_an_empty_file_says_what_is_missing():
 
 def test_arms_that_differ_in_name_only_have_the_same_mechanics():
     arm = load_arm("twin_arm")
+    for wrong in ({"step_limit_deg": -2.0}, {"step_limit": 2.0}):
+        with pytest.raises(ValidationError):
+            arm.model_copy(update=wrong)
     renamed = arm.model_copy(update={"name": "other", "description": "copied"})
     assert renamed != arm
     assert renamed.differences(arm) == []

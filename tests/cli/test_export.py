@@ -96,7 +96,9 @@ def test_missing_values_are_empty_cells(tmp_path):
     (episode, *_), options = load_episodes(RECORDING)
     states = np.array(episode.sensor("states"))
     states[3, 1] = np.nan
-    lost = replace(episode, columns={**episode.columns, "sensor.states": states})
+    stds = np.zeros(states.shape[:2])
+    more = {"sensor.states": states, "predictive_std": stds}
+    lost = replace(episode, columns={**episode.columns, **more})
     columns = {name: episode[name] for name in ("time", "actions")}
     short = replace(episode, columns=columns)
     path = tmp_path / "lost.episodes"
@@ -105,6 +107,8 @@ def test_missing_values_are_empty_cells(tmp_path):
     text = (tmp_path / "lost.csv").read_text()
     rows = list(csv.DictReader(text.splitlines()[1:]))
     assert rows[3]["sensor.states.2.x"] == ""
+    # of modules, also where these are three
+    assert rows[3][f"predictive_std.{stds.shape[1]}"] == "0.0"
     assert float(rows[3]["sensor.states.1.x"]) == states[3, 0, 0]
     assert rows[len(episode)]["sensor.states.1.x"] == ""
     assert "nan" not in text

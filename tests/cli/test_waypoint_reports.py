@@ -6,6 +6,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import jax.numpy as jnp
+import numpy as np
 import pytest
 
 import s2c2a
@@ -94,8 +95,13 @@ def test_an_obstacle_at_the_arm_or_far_from_all_shapes_is_remarkable(solid, word
 
 
 def test_a_run_of_a_program_warns_of_a_target_out_of_reach(twin, monkeypatch):
-    monkeypatch.setattr("s2c2a.evaluation.rollout", lambda *_: None)
-    with pytest.warns(UserWarning, match="out of reach by up to 24.14 cm"):
+    faulty = SimpleNamespace(options={"faults": ["'cables' was lost"]}, columns={})
+    faulty.columns["stage"] = np.zeros(1)
+    monkeypatch.setattr("s2c2a.evaluation.rollout", lambda *_: faulty)
+    with (
+        pytest.warns(UserWarning, match="out of reach by up to 24.14 cm"),
+        pytest.warns(UserWarning, match="because of faults .'cables' was lost"),
+    ):
         s2c2a.run(SimpleNamespace(arm=twin), None, to_point(twin, (0.7, 0, 0.2)))
 
 

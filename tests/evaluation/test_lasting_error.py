@@ -57,7 +57,7 @@ def make_run(
 def test_an_error_is_told_with_the_parts_of_plan_tracking_and_model(parts, told):
     error, plan, tracking, model = told
     assert describe_lasting_error(make_run(**parts)) == (
-        f"position error {error} cm in the last quarter of the run: the plan is "
+        f"median position error {error} cm in the last quarter of the run: the plan is "
         f"{plan} cm from its goal, the sensed arm {tracking} cm from the plan, the true "
         f"arm {model} cm from where the forward model predicts it"
     )

@@ -133,6 +133,8 @@ def test_an_entry_brings_its_networks_for_the_arm_of_their_file(tmp_path):
         S2C2AError, match="holds networks of policy, and --entry is pcc"
     ):
         with_weights([PCC], [file])
+    with pytest.raises(S2C2AError, match="is the second file of policy"):
+        with_weights([plain], [file, file])
     with pytest.raises(S2C2AError, match="for the arm twin_arm, and --arm has planar"):
         benchmark(
             entry=("policy",), weights=(file,), only=("none",), arm=("planar_finger",)

@@ -66,6 +66,8 @@ def test_every_task_runs_until_its_time_is_over(task):
 def test_arms_in_a_batch_are_as_single_ones():
     many = gymnasium.make_vec("S2C2A/Reach-v0", num_envs=3, arm="twin_arm", seconds=0.5)
     observations = [many.reset(seed=5)[0]]
+    with pytest.raises(S2C2AError, match="give one for each"):
+        many.reset(seed=[5, 6, 7, 8, 9])
     actions = np.random.default_rng(0).uniform(-1, 1, (5, *many.action_space.shape))
     for action in actions.astype(np.float32):
         observations.append(many.step(action)[0])
@@ -310,7 +312,7 @@ SOFTER = {"bending_stiffness": 0.5 * FINGER.modules[0].bending_stiffness}
         ),
         (
             {"goals": lambda task, random, tip: np.full((12, 3), np.nan)},
-            "(steps + 2, 3), here (12, 3); got shape (12, 3)",
+            "(steps + 2, 3), here (12, 3); got [[nan nan nan]",
         ),
         (
             {"observe": lambda task, moment: {"steps": moment.steps}},

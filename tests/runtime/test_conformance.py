@@ -176,6 +176,10 @@ FAULTS = {
         misreading(lambda robot: {"states": 2.0 * robot.states()}),
         "axes in 'states' have lengths",
     ),
+    "states in millimeters": (
+        misreading(lambda robot: {"states": robot.states() * ([1000.0] * 3 + [1] * 3)}),
+        "'states' has a coordinate of 600 m, .*write positions in meters",
+    ),
     "flat configurations": (misreading(_flat), "'configurations' has shape"),
     "declared as flat": (
         misreading(_flat, configurations=Sensor((9,), "1")),

@@ -167,6 +167,19 @@ def test_a_session_that_does_not_improve_is_not_used(measured, networks):
     assert "stays as it is" in describe_use(session)
 
 
+def test_predictions_state_at_least_the_error_of_the_session(improving, networks):
+    session = improving.model_copy(update={"after": 0.5})
+    model = with_session(networks, session).c2s
+    rest = jnp.broadcast_to(jnp.array([0.0, 0.0, 1.0]), (networks.arm.module_count, 3))
+    memory = model.start(rest)
+    std = np.asarray(model.predictive_std(rest, memory))
+    np.testing.assert_allclose(std, 0.5 * np.arange(1, len(std) + 1) / len(std))
+    # cables that are longer now are no other motion than that of the training
+    longer = session.change.model_copy(update={"slack": (0.5,) * len(std)})
+    slack = with_session(networks, session.model_copy(update={"change": longer})).c2s
+    np.testing.assert_allclose(slack.extrapolation(rest), model.extrapolation(rest))
+
+
 def test_a_session_is_measured_against_the_networks_of_the_training_alone(
     improving, weights, networks, short
 ):

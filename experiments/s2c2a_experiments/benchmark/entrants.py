@@ -210,6 +210,11 @@ def with_weights(entries: Sequence[Entrant], files: Sequence[Path]) -> list[Entr
                 "leave out the file"
             )
         number = names.index(given.strategy)
+        if entries[number].weights is not None:
+            raise S2C2AError(
+                f"{file} is the second file of {given.strategy}; give one for each "
+                "entry, and compare others by another call"
+            )
         entries[number] = replace(
             entries[number], recipe=given.recipe, arms=(arm.name,), weights=given
         )

@@ -32,6 +32,16 @@ UNITS = {
 }
 """Units of columns; the others have none, or that of their sensor."""
 
+COORDINATES = {
+    "predicted",
+    "sensor.states",
+    "horizon",
+    "target_offsets",
+    "desired_positions",
+    "desired_axes",
+}
+"""Columns of positions and axes; others of three values count modules or cables."""
+
 Columns = dict[str, Float[np.ndarray, " rows"]]
 
 
@@ -116,8 +126,7 @@ def _flat(episode: Episode) -> Columns:
 
 def _place(size: int, name: str, place: int) -> str:
     """Name of a coordinate, or the number of what has none."""
-    is_position = UNITS.get(name, "").startswith("m") and name != "obstacles"
-    if size in (3, 6) and (is_position or name == "desired_axes"):
+    if size in (3, 6) and name in COORDINATES:
         axes = ("x", "y", "z", "axis_x", "axis_y", "axis_z")
         return axes[place]
     return str(place + 1)

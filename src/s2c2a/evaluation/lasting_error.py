@@ -70,7 +70,7 @@ def describe_lasting_error(episode: Episode) -> str:
     if not error > SIGNIFICANT * episode.arm.length:
         return ""
     text = (
-        f"position error {100 * error:.1f} cm in the last quarter of the run: the plan "
+        f"median position error {100 * error:.1f} cm in the last quarter of the run: the plan "
         f"is {100 * plan:.1f} cm from its goal, the sensed arm {100 * tracking:.1f} cm "
         "from the plan"
     )

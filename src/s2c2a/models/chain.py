@@ -71,12 +71,12 @@ class ChainC2S(ForwardModel):
         return replace(self, hysteresis=replace(self.hysteresis, arrived=arrived))
 
     def start(self, sensed: Configurations) -> HysteresisMemory:
-        return self.hysteresis.start(self.slackened(self.body.displacements(sensed)))
+        return self.hysteresis.start(self._slack(self.body.displacements(sensed)))
 
     def observe(
         self, sensed: Configurations, memory: HysteresisMemory
     ) -> HysteresisMemory:
-        moved = self.slackened(self.body.displacements(sensed))
+        moved = self._slack(self.body.displacements(sensed))
         return self.hysteresis.advance(moved, memory)
 
     def with_moments(
@@ -168,9 +168,9 @@ class ChainC2S(ForwardModel):
 
     def inputs(self, displacements: Actions, memory: HysteresisMemory) -> Inputs:
         """The inputs of the hysteresis model (`Hysteresis.inputs`)."""
-        return self.hysteresis.inputs(self.slackened(displacements), memory)
+        return self.hysteresis.inputs(self._slack(displacements), memory)
 
-    def slackened(self, displacements: Actions) -> Actions:
+    def _slack(self, displacements: Actions) -> Actions:
         """Displacements of cables that are longer than at the training."""
         return displacements + self.body.slack[:, None]
 

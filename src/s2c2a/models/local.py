@@ -126,12 +126,12 @@ class LocalC2S(WrappedModel):
         of_ends = self.unit * jnp.sqrt(jnp.sum(scales**2, axis=-1))
         near = jnp.sqrt(variance)[..., None] * of_ends
         modules = jnp.arange(1, len(self.chain.body.lengths) + 1)
-        beyond = self._extrapolation_at(inputs[..., 0, :])[..., None]
+        sensed = inputs[..., 0, :] - self.chain.body.slack[:, None]
+        beyond = self._extrapolation_at(sensed)[..., None]
         return jnp.hypot(near, beyond * modules / len(modules))
 
     def extrapolation(self, configurations: Configurations) -> Float[Array, "*batch"]:
-        displacements = self.chain.body.displacements(configurations)
-        return self._extrapolation_at(self.chain.slackened(displacements))
+        return self._extrapolation_at(self.chain.body.displacements(configurations))
 
     def _extrapolation_at(self, displacements: Actions) -> Float[Array, "*batch"]:
         relative = self.region.extrapolation(self.region_features(displacements))

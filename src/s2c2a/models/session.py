@@ -75,13 +75,17 @@ class SessionC2S(WrappedModel):
     Attributes:
         trained: the model of the training, with the present slack.
         change: since then.
+        error: of the tip with it [m], on other motion; the model states no less.
     """
 
     trained: ForwardModel
     change: DayChange
+    error: Float[Array, ""]
 
     @classmethod
-    def of(cls, model: ForwardModel, change: DayChange) -> "SessionC2S":
+    def of(
+        cls, model: ForwardModel, change: DayChange, error: float = 0.0
+    ) -> "SessionC2S":
         """A model after a change; one without a trunk has neither slack nor softness."""
 
         def on_the_day(part):
@@ -93,7 +97,7 @@ class SessionC2S(WrappedModel):
         trained = jax.tree.map(
             on_the_day, model, is_leaf=lambda part: isinstance(part, Trunk)
         )
-        return cls(trained, change)
+        return cls(trained, change, jnp.asarray(error))
 
     @property
     def inner(self) -> ForwardModel:
@@ -118,6 +122,13 @@ class SessionC2S(WrappedModel):
         positions = rotated(states[..., POSITION], turn) + self.change.translation
         axes = rotated(states[..., AXIS], turn)
         return jnp.concatenate([positions, axes], axis=-1)
+
+    def predictive_std(
+        self, configurations: Configurations, memory: Memory
+    ) -> Float[Array, "*batch modules"]:
+        std = super().predictive_std(configurations, memory)
+        number = jnp.arange(1, std.shape[-1] + 1)
+        return jnp.maximum(std, self.error * number / number[-1])
 
     def in_base(self) -> "SessionC2S":
         still = jnp.zeros(3)

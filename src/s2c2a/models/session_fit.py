@@ -3,10 +3,11 @@
 Maximum a posteriori estimate through the differentiable model, by Gauss-Newton, from the
 likelier of a frame and a homing that changed alone. Priors are normal, with the scales on
 which arms change between days, or that of a change of frame or cables where it is larger:
-they may be homed, or a tracking put up, anywhere, and modules stay what they are. Most of the noise is errors
-of the model itself. They are common to all ends, and last: so many samples count as one
-as their correlation lasts, and all ends together count as one. Their variance is that on
-stretches that were not fitted, since a change can imitate a part of them.
+they may be homed, or a tracking put up, anywhere, and modules stay what they are. Most of
+the noise is errors of the model itself. They are common to all ends, and last: so many
+samples count as one as their correlation lasts, and all ends together count as one. Their
+variance is that on stretches that were not fitted, since a change can imitate a part of
+them.
 """
 
 from dataclasses import replace

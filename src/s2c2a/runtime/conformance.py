@@ -17,6 +17,7 @@ from s2c2a.errors import ActionError, S2C2AError
 from s2c2a.measurements.readings import describe_values
 from s2c2a.robots import Robot
 from s2c2a.robots.robot import SETTLING_TIME
+from s2c2a.runtime.border import check_meters
 from s2c2a.runtime.emergency import EMERGENCY_STOP, EmergencyStopError
 from s2c2a.runtime.loop import Loop
 from s2c2a.runtime.player import Player, play
@@ -377,6 +378,10 @@ def _check_standard_names(reading: Reading, arm: ArmSpec) -> str:
                 bool(np.allclose(lengths, 1.0, atol=1e-3)),
                 f"axes in '{name}' have lengths {lengths}, not 1",
             )
+    for name in ("states", "camera_positions"):
+        values = reading.get(name)
+        if values is not None:
+            check_meters(np.nan_to_num(values[:, POSITION]), arm, f"'{name}'")
     return "sensors with standard names have standard shapes"
 
 

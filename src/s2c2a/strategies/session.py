@@ -199,7 +199,7 @@ def with_session(networks: TrainedNetworks, session: Session | None) -> TrainedN
             f"the session has not the {counted(modules, 'module')} of "
             f"'{networks.arm.name}'; {MAKE_ONE}"
         )
-    model = SessionC2S.of(_model(networks), session.change.change())
+    model = SessionC2S.of(_model(networks), session.change.change(), session.after)
     corrected = replace(networks.trained["C2S"], network=model)
     return replace(networks, trained={**networks.trained, "C2S": corrected})
 

@@ -230,9 +230,10 @@ class SimulationBatch:
         """What the task gives, where NumPy would broadcast another shape."""
         values = np.asarray(given)
         if values.shape != shape or not np.isfinite(values).all():
+            got = values if values.shape == shape else f"shape {values.shape}"
             raise S2C2AError(
                 f"{type(self.family).__name__}, {what}: give finite numbers of shape "
-                f"{axes}, here {shape}; got shape {values.shape}"
+                f"{axes}, here {shape}; got {got}"
             )
         return values
 

@@ -8,7 +8,7 @@ import numpy as np
 from gymnasium.utils.seeding import np_random
 from gymnasium.vector.utils import batch_space
 
-from s2c2a.errors import S2C2AError
+from s2c2a.errors import S2C2AError, counted
 from s2c2a.integrations.environments.environment import action_space, observation_space
 from s2c2a.integrations.environments.simulation import SimulationBatch
 from s2c2a.integrations.environments.tasks import Family
@@ -69,6 +69,11 @@ class ArmVectorEnv(gymnasium.vector.VectorEnv):
     def _seeds(self, seed: int | Sequence[int | None]) -> Sequence[int | None]:
         """The seed of each arm."""
         if isinstance(seed, Sequence):
+            if len(seed) != self.num_envs:
+                raise S2C2AError(
+                    f"{counted(len(seed), 'seed')} for {self.num_envs} environments; give "
+                    "one for each, or a single one for all"
+                )
             return seed
         return [seed + number for number in range(self.num_envs)]
 
