@@ -1,8 +1,8 @@
 """Base classes of descriptions: frozen tables of numbers with units and ranges."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import (
@@ -143,12 +143,6 @@ class Frozen(BaseModel):
         frozen=True, extra="forbid", allow_inf_nan=False, strict=False
     )
     omitted_defaults: ClassVar[frozenset[str]] = frozenset()
-
-    def model_copy(
-        self, *, update: Mapping[str, Any] | None = None, deep: bool = False
-    ) -> Self:
-        """A copy with other values, which are checked."""
-        return type(self)(**dict(self) | dict(update or {}))
 
     @model_serializer(mode="wrap")
     def _without_defaults(self, serialize) -> dict[str, Any]:
