@@ -20,14 +20,12 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from s2c2a.arm import load_arm
 from s2c2a.goals import Goal
 from s2c2a.integrations.c_code.interface import Field, Generated, Layout, fields_of
 from s2c2a.integrations.control_step import ControlStep, StepInput
 from s2c2a.integrations.exports.c_source import c_of, strategy_in
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.runtime.limits import CommandLimiter, CommandLimits
-from s2c2a.strategies import networks_from, strategy_of
 from s2c2a.strategies.strategy import Strategy
 
 STRICT = ["-std=c99", "-pedantic-errors", "-Wall", "-Wextra", "-Werror"]
@@ -245,11 +243,7 @@ def main() -> None:
     parser.add_argument("weights")
     parser.add_argument("--steps", type=int, default=1000)
     given = parser.parse_args()
-    if given.weights == "shipped":
-        networks = networks_from("shipped", load_arm("twin_arm"))
-        strategy: Any = strategy_of(networks)
-    else:
-        strategy = strategy_in(Path(given.weights))
+    strategy = strategy_in(Path(given.weights))
     with tempfile.TemporaryDirectory() as folder:
         result = compare(strategy, Path(folder), given.steps)
     largest = np.sort(result.differences)[::-1]

@@ -15,7 +15,7 @@ from s2c2a.arm import load_arm
 from s2c2a.arm.sensors import Camera, Sensors
 from s2c2a.errors import StrategyError
 from s2c2a.integrations.control_step import ControlStep
-from s2c2a.integrations.exports.c_source import c_of, export_c, name_of
+from s2c2a.integrations.exports.c_source import c_of, export_c, name_of, strategy_in
 from s2c2a.models.session import DayChange
 from s2c2a.strategies import (
     networks_from,
@@ -70,9 +70,7 @@ def test_the_line_of_the_page_compiles_it(tmp_path):
 @pytest.mark.slow
 @needs_compiler
 def test_a_step_of_the_shipped_networks_in_c_is_that_of_jax(tmp_path):
-    arm = load_arm("twin_arm")
-    strategy = strategy_of(networks_from("shipped", arm))
-    result = compare(strategy, tmp_path, STEPS)
+    result = compare(strategy_in(Path("shipped")), tmp_path, STEPS)
     assert np.median(result.differences) < 1e-6
     # where a decision hangs on the last bits, both may decide otherwise
     assert len(result.rounding) <= 3

@@ -66,6 +66,15 @@ def test_a_file_keeps_the_numbers(tmp_path, activation):
     np.testing.assert_allclose(read._act(values), given._act(values), atol=1e-5)
 
 
+def test_a_policy_may_be_linear(tmp_path):
+    weight = np.ones((Controls.of(FINGER).count, observation_size(Controls.of(FINGER))))
+    save_policy(tmp_path / "linear.safetensors", FINGER, [(weight, weight[:, 0])])
+    driver = s2c2a.load_strategy(tmp_path / "linear.safetensors")
+    values = np.linspace(-0.1, 0.1, weight.shape[1])
+    expected = np.tanh(weight @ values + 1.0)
+    np.testing.assert_allclose(driver._act(values), expected, atol=1e-5)
+
+
 @pytest.mark.slow
 def test_the_runs_of_a_command_use_the_options_of_the_file(tmp_path):
     file = tmp_path / "policy.safetensors"
@@ -91,6 +100,10 @@ def test_layers_for_another_arm_are_refused_and_an_existing_file_stays(tmp_path)
     file = tmp_path / "policy.safetensors"
     with pytest.raises(StrategyError, match="this arm needs"):
         save_policy(file, FINGER, random_layers(inputs=7))
+    with pytest.raises(
+        StrategyError, match="'elu' was given; choose one of relu, tanh"
+    ):
+        save_policy(file, FINGER, random_layers(), "elu")
     save_policy(file, FINGER, random_layers())
     with pytest.raises(StrategyError, match="exists"):
         save_policy(file, FINGER, random_layers())

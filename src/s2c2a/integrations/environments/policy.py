@@ -52,7 +52,7 @@ class PolicyStrategy(StrategyOptions):
 
     Attributes:
         width: neurons of each hidden layer.
-        depth: number of hidden layers.
+        depth: number of hidden layers; 0 for a linear policy.
         activation: of the hidden layers, "relu" or "tanh".
         squashed: whether actions are the tangens hyperbolicus of the outputs; else
             these are limited to +-1.
@@ -65,7 +65,7 @@ class PolicyStrategy(StrategyOptions):
 
     name = "policy"
     recipe_keys = frozenset()
-    limits: ClassVar[dict] = {"width": (1, 4096), "depth": (1, 8)}
+    limits: ClassVar[dict] = {"width": (1, 4096), "depth": (0, 8)}
 
     def untrained(self, arm, recipe, key):
         controls = Controls.of(arm)
@@ -198,6 +198,10 @@ def save_policy(
         StrategyError: the file exists, or the layers do not fit each other or the arm.
     """
     check_new_networks(path, overwrite)
+    if activation not in ACTIVATIONS:
+        raise StrategyError(
+            f"activation '{activation}' was given; choose one of {', '.join(ACTIVATIONS)}"
+        )
     width = len(layers[0][1])
     options = PolicyStrategy(width, len(layers) - 1, activation, squashed)
     recipe = recipe_named("best")

@@ -4,11 +4,13 @@ import re
 from pathlib import Path
 
 import s2c2a
+from s2c2a.arm import load_arm
 from s2c2a.errors import StrategyError
 from s2c2a.files.text import write_atomically
 from s2c2a.integrations.c_code.interface import Generated, generate
 from s2c2a.integrations.control_step import ControlStep
 from s2c2a.strategies import RunOptions, networks_from, strategy_of
+from s2c2a.strategies.checkpoint import SHIPPED
 from s2c2a.strategies.strategy import Strategy
 
 
@@ -63,12 +65,14 @@ def c_of(strategy: Strategy, name: str, origin: str) -> Generated:
 
 
 def strategy_in(file: Path) -> Strategy:
-    """The strategy of a weight file, for the arm that it was trained for.
+    """The strategy of a weight file, for its arm; of `twin_arm` for "shipped".
 
     Raises:
         StrategyError: no weight file, or a strategy without a control step.
     """
-    strategy = strategy_of(networks_from(file), RunOptions())
+    # as in runs, without an arm
+    arm = load_arm("twin_arm") if str(file) == SHIPPED else None
+    strategy = strategy_of(networks_from(file, arm), RunOptions())
     if not isinstance(strategy, Strategy):
         raise StrategyError(
             f"{file} holds a strategy of its own kind ({type(strategy).__name__}), which "

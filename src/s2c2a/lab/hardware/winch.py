@@ -63,7 +63,7 @@ def check_plausible(displacements: Actions, arm: ArmSpec) -> None:
         raise RobotError(
             f"the cables of servos {ids} stand at {places.round(1).tolist()} mm, "
             "out of their range; the calibration no longer fits. Home the arm "
-            "again (`s2c2a motors home`)"
+            "again (`s2c2a motors home --overwrite`)"
         )
 
 

@@ -205,7 +205,7 @@ class DynamixelBus(SerialBus):
         if max(map(abs, goals.values()), default=0) > tables.MAX_POSITION:
             raise BusError(
                 f"goals {dict(goals)} [ticks] exceed +-{tables.MAX_POSITION}, and none "
-                "was sent; home the arm again (`s2c2a motors home`)"
+                "was sent; home the arm again (`s2c2a motors home --overwrite`)"
             )
         self._goals |= goals
         sent = {id: goal for id, goal in goals.items() if id not in self.restarted}
