@@ -126,6 +126,7 @@ def test_an_entry_brings_its_networks_for_the_arm_of_their_file(tmp_path):
     assert job.needs == (entrant.weights,)
     other = protocol.BenchmarkArm(load_arm("simulated_arm"), "preset")
     assert replace(cell, arm=other).dash == "was trained for twin_arm alone"
+    assert replace(cell, task=protocol.TASKS["obstacles"]).dash == "ignores obstacles"
     saved = tmp_path / "planners.json"
     save_results([Result(cell, {"success": [1.0]}, (), None, {})], (0,), saved)
     assert load_results(saved, [replace(cell, entrant=plain)], (0,)) == ([], 1)

@@ -50,7 +50,6 @@ class ReinforcedPolicy(PolicyStrategy):
     squashed: bool = False
 
     name = "ppo"
-    ignores = frozenset({"axes", "other ends", "obstacles"})
     limits = PolicyStrategy.limits | {"lessons": (2, 1000), "steps": (0, 10**9)}
 
     def collect_options(self, recipe: Recipe, seed: int) -> CollectOptions:

@@ -65,6 +65,7 @@ class PolicyStrategy(StrategyOptions):
 
     name = "policy"
     recipe_keys = frozenset()
+    ignores = frozenset({"axes", "other ends", "obstacles"})
     limits: ClassVar[dict] = {"width": (1, 4096), "depth": (0, 8)}
 
     def untrained(self, arm, recipe, key):
