@@ -68,6 +68,8 @@ def test_arms_in_a_batch_are_as_single_ones():
     observations = [many.reset(seed=5)[0]]
     with pytest.raises(S2C2AError, match="give one for each"):
         many.reset(seed=[5, 6, 7, 8, 9])
+    with pytest.raises(S2C2AError, match="a reset has no options, and goal was given"):
+        many.reset(options={"goal": [0.0, 0.0, 0.5]})
     actions = np.random.default_rng(0).uniform(-1, 1, (5, *many.action_space.shape))
     for action in actions.astype(np.float32):
         observations.append(many.step(action)[0])

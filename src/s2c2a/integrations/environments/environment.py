@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from s2c2a.errors import S2C2AError, listed
 from s2c2a.integrations.environments.simulation import SimulationBatch
 from s2c2a.integrations.environments.spaces import MAX_VALUE
 from s2c2a.integrations.environments.tasks import Family
@@ -22,6 +23,19 @@ def observation_space(batch: SimulationBatch) -> gymnasium.spaces.Box:
     """Space of the observations of one arm; see `spaces`."""
     shape = batch.observations().shape[1:]
     return gymnasium.spaces.Box(-MAX_VALUE, MAX_VALUE, shape, np.float32)
+
+
+def refuse_options(options: dict[str, Any] | None) -> None:
+    """Refuse options of a reset, which these environments would ignore.
+
+    Raises:
+        S2C2AError: there are some.
+    """
+    if options:
+        raise S2C2AError(
+            f"a reset has no options, and {listed([*options])} was given; a task class "
+            "gives other goals (docs/guides/gymnasium.md)"
+        )
 
 
 class ArmEnv(gymnasium.Env):
@@ -53,6 +67,7 @@ class ArmEnv(gymnasium.Env):
 
     def reset(self, *, seed: int | None = None, options: dict | None = None):
         """See `gymnasium.Env.reset`."""
+        refuse_options(options)
         super().reset(seed=seed)
         self.batch.reset([0], [self.np_random], new_robots=seed is not None)
         return self.batch.observations()[0], {}

@@ -9,7 +9,11 @@ from gymnasium.utils.seeding import np_random
 from gymnasium.vector.utils import batch_space
 
 from s2c2a.errors import S2C2AError, counted
-from s2c2a.integrations.environments.environment import action_space, observation_space
+from s2c2a.integrations.environments.environment import (
+    action_space,
+    observation_space,
+    refuse_options,
+)
 from s2c2a.integrations.environments.simulation import SimulationBatch
 from s2c2a.integrations.environments.tasks import Family
 
@@ -59,6 +63,7 @@ class ArmVectorEnv(gymnasium.vector.VectorEnv):
         options: dict | None = None,
     ):
         """See `gymnasium.vector.VectorEnv.reset`."""
+        refuse_options(options)
         if seed is not None:
             self._randoms = [np_random(each)[0] for each in self._seeds(seed)]
         self._over[:] = False
