@@ -37,6 +37,7 @@ from s2c2a.spaces import POSITION
 from s2c2a.training.fit import FitOptions, TrainingProgress, quiet
 from s2c2a.training.trained import Trained, TrainingData, evaluated
 
+Part = tuple[FeatureRows, OutputRows]
 FULL_BEND = 0.82  # rad; largest bend of the data for which `play_widths` hold
 MIN_REACH = 1e-3  # rad; for recordings with little motion
 HELD_OUT = "held-out samples"
@@ -170,9 +171,7 @@ class LocalOptions(ChainOptions):
         fitted = fit_process(
             features, _residual(blank, every), _kinds(blank.chain), motion, self.points
         )
-        noises = [replace(fitted, noise=each * fitted.noise) for each in NOISES]
-        judged = [_judged(replace(blank, process=each), split) for each in noises]
-        best = min(judged, key=attrgetter("surprise"))
+        best = _judged(replace(blank, process=fitted), split)
         model = replace(blank, process=best.process)
         unseen = _given(model, Samples.joined([split.training, split.validation]))
         trained = evaluated(unseen, result.curve, predicted_targets, split)
@@ -206,28 +205,37 @@ class _Judgment(NamedTuple):
 
 
 def _judged(model: LocalC2S, split: Split) -> _Judgment:
-    """Judge chain and process on validation and test samples.
+    """Judge chain and process, with the noise that makes held-out samples the likeliest."""
+    parts = [(_features(model, part), _residual(model, part)) for part in split.parts]
+    fitted = model.process
+    noises = [replace(fitted, noise=each * fitted.noise) for each in NOISES]
+    judged = [_judge(process, parts, model.unit) for process in noises]
+    return min(judged, key=attrgetter("surprise"))
 
-    The process has the samples of training and of the other of these two.
+
+def _judge(process: ResidualProcess, parts: Sequence[Part], unit: float) -> _Judgment:
+    """Judge a process on validation and test samples.
+
+    It has the samples of training and of the other of these two.
+
+    Args:
+        process: with its hyperparameters.
+        parts: features and residuals of training, validation and test samples.
+        unit: of the residuals of positions [m].
     """
-    judged = model.process
-    chain_errors = []
-    errors = []
+    training, *held_out = parts
+    means = []
     deviations = []
-    held_out = split.validation, split.test
-    for part, other in (held_out, held_out[::-1]):
-        process = _given(model, Samples.joined([split.training, other])).process
-        features = _features(model, part)
-        residual = _residual(model, part)
-        means = np.asarray(process(jnp.asarray(features, jnp.float32)))
-        chain_errors.append(residual)
-        errors.append(residual - means)
-        deviations.append(process.deviations(features))
-    without, remaining = np.concatenate(chain_errors), np.concatenate(errors)
+    for (features, _), other in zip(held_out, held_out[::-1], strict=True):
+        given = process.given(*map(np.concatenate, zip(training, other, strict=True)))
+        means.append(np.asarray(given(jnp.asarray(features, jnp.float32))))
+        deviations.append(given.deviations(features))
+    without = np.concatenate([residual for _, residual in held_out])
+    remaining = without - np.concatenate(means)
     deviation = np.concatenate(deviations)[:, None]
-    if not (judged.is_fitted and is_smaller(remaining, without)):
-        judged = ResidualProcess.none(
-            len(judged.center), len(judged.scale), len(judged.points)
+    if not (process.is_fitted and is_smaller(remaining, without)):
+        process = ResidualProcess.none(
+            len(process.center), len(process.scale), len(process.points)
         )
         remaining, deviation = without, np.ones_like(deviation)
     relative = remaining / deviation
@@ -235,13 +243,13 @@ def _judged(model: LocalC2S, split: Split) -> _Judgment:
     squares = np.where(known, relative, 0.0) ** 2
     scale = np.sqrt(squares.sum(axis=0) / np.maximum(known.sum(axis=0), 1))
     ends = remaining.reshape(len(remaining), -1, 6)[:, -1, POSITION]
-    distances = model.unit * np.linalg.norm(ends, axis=-1)
+    distances = unit * np.linalg.norm(ends, axis=-1)
     seen = distances[np.isfinite(distances)]
     tip_errors = {HELD_OUT: float(seen.mean())} if len(seen) else {}
     known_scales = scale[scale > 0.0]
     surprise = len(known_scales) * np.log(deviation).mean() + np.log(known_scales).sum()
-    judged = replace(judged, scale=jnp.asarray(scale, jnp.float32))
-    return _Judgment(judged, tip_errors, float(surprise))
+    process = replace(process, scale=jnp.asarray(scale, jnp.float32))
+    return _Judgment(process, tip_errors, float(surprise))
 
 
 def _given(model: LocalC2S, samples: Samples) -> LocalC2S:

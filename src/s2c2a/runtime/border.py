@@ -92,5 +92,5 @@ def check_meters(positions: np.ndarray, arm: ArmSpec, name: str) -> None:
     if not farthest <= MAX_DISTANCE * arm.length:
         raise TargetError(
             f"{name} has a coordinate of {farthest:.3g} m, and '{arm.name}' reaches at "
-            f"most {arm.length:.3g} m; write positions in meters: 0.1, not 100"
+            f"most {arm.length:.3g} m; write positions in meters: 0.1, not 100, from the base"
         )
