@@ -59,6 +59,16 @@ document.body.dataset.probe = JSON.stringify(after);
 </script>
 </body>"""
 
+# Chooses the last view, and records its name and what it sees of the arm's axis.
+VIEW = """<script>
+const last = [...document.querySelectorAll("#views button")].at(-1);
+last.click();
+const { right, up, back } = scene.camera;
+const seen = [right, up, back].map((axis) => Math.round(axis[2]));
+document.body.dataset.probe = JSON.stringify([last.textContent, seen, right, up]);
+</script>
+</body>"""
+
 
 @pytest.fixture
 def chromium(tmp_path):
@@ -166,6 +176,21 @@ def test_keys_step_play_and_select_runs(chromium, page):
     assert "error" not in data
     done = ["Pause", "Play", "0.1 / 19.9 s", "false,true,false"]
     assert json.loads(data["probe"]) == done
+
+
+@pytest.mark.parametrize(
+    ("gravity", "name"), [((0, 0, -1), "Top"), ((0, 0, 1), "Bottom")]
+)
+def test_the_view_along_a_vertical_arm_is_from_its_tip_and_says_from_where(
+    chromium, traces, make_arm, tmp_path, gravity, name
+):
+    arm = make_arm(gravity_direction=gravity)
+    page = replay_page(traces, arm, "A circle", tmp_path / "page.html")
+    dom = chromium(with_script(page, VIEW), "--dump-dom")
+    shown, seen, right, up = json.loads(body_data(dom)["probe"])
+    # x runs to the right and y upward, as in the figures
+    assert (shown, seen) == (name, [0, 0, 1])
+    np.testing.assert_allclose([right, up], [(1, 0, 0), (0, 1, 0)], atol=0.01)
 
 
 @pytest.mark.slow

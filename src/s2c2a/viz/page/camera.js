@@ -2,13 +2,23 @@
 // CSS pixels.
 
 const FIELD = 0.27; // tangent of half the field of view
-const VIEWS = { "3D": [-0.95, 0.4], Front: [-Math.PI / 2, 0], Side: [0, 0], Top: [-Math.PI / 2, Math.PI / 2 - 0.001] };
+const UPRIGHT = Math.PI / 2 - 0.001;
+
+// Yaw and pitch of the views of an arm, by name. A hanging arm is seen from below, as in figures: from above, its base
+// and the ceiling hide it.
+const viewsOf = (hangs) => ({
+  "3D": [-0.95, hangs ? -0.12 : 0.4],
+  Front: [-Math.PI / 2, 0],
+  Side: [0, 0],
+  [hangs ? "Bottom" : "Top"]: [-Math.PI / 2, hangs ? -UPRIGHT : UPRIGHT],
+});
 
 class Camera {
-  // `turn`: the world's axes in the base frame.
-  constructor(turn) {
+  // `turn`: the world's axes in the base frame. `word`: how the arm is mounted.
+  constructor({ turn, word }) {
     this.turn = turn;
-    [this.yaw, this.pitch] = VIEWS["3D"];
+    this.views = viewsOf(word === "hangs");
+    this.look("3D");
     this.target = [0, 0, 0];
     this.distance = 1;
     this.middle = [0, 0];
@@ -64,13 +74,13 @@ class Camera {
     this.update();
   }
 
-  look([yaw, pitch]) {
-    [this.yaw, this.pitch] = [yaw, pitch];
+  look(view) {
+    [this.yaw, this.pitch] = this.views[view];
   }
 
   orbit(dx, dy) {
     this.yaw -= dx * 0.008;
-    this.pitch = clamp(this.pitch + dy * 0.008, -Math.PI / 2 + 0.001, Math.PI / 2 - 0.001);
+    this.pitch = clamp(this.pitch + dy * 0.008, -UPRIGHT, UPRIGHT);
     this.update();
   }
 

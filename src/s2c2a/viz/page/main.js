@@ -54,7 +54,7 @@ function listenToChart(canvas) {
 
 function addViews() {
   byId("views").append(
-    ...Object.keys(VIEWS).map((view) =>
+    ...Object.keys(scene.camera.views).map((view) =>
       element("button", {
         type: "button",
         textContent: view,

@@ -2,10 +2,9 @@
 
 class Scene {
   constructor(canvas, run) {
-    const camera = new Camera(run.surroundings.mounting.turn);
+    const camera = new Camera(run.surroundings.mounting);
     Object.assign(this, { canvas, run, camera, context: canvas.getContext("2d"), moved: false });
     this.points = [...contentOf(run), ...rimOf(run.surroundings, 0.35)];
-    this.camera.look(this.viewOf("3D"));
   }
 
   // Read the canvas's size, and fit the run unless the user has moved the camera.
@@ -23,13 +22,8 @@ class Scene {
     );
   }
 
-  // A hanging arm is shown from below.
-  viewOf(view) {
-    return this.run.surroundings.mounting.word === "hangs" && view === "3D" ? [VIEWS[view][0], -0.12] : VIEWS[view];
-  }
-
   look(view) {
-    this.camera.look(this.viewOf(view));
+    this.camera.look(view);
     this.moved = false;
     this.frame();
   }
