@@ -282,6 +282,26 @@ def test_the_jacobian_policy_moves_with_its_goal():
     assert (motion - at_rest)[1] > 0.1 * 0.1 * 0.6 / 3
 
 
+@pytest.mark.parametrize(
+    ("name", "meant"),
+    [("reward", "rewards"), ("observation", "observe"), ("end", "ends")],
+)
+def test_a_task_with_a_misspelled_method_is_refused(name, meant):
+    with pytest.raises(
+        S2C2AError, match=rf"'{name}' \(did you mean {meant}\?\); .*ends"
+    ):
+        type("Mine", (Reach,), {name: lambda self, moment: 0})
+
+
+def test_a_task_may_have_helpers_and_those_of_its_base():
+    def helper(self, moment):
+        return 0
+
+    type("Mine", (Reach,), {"_reward": helper, "distances": helper})
+    type("Mine", (Reach,), {"rewards": helper, "reward": helper})
+    type("Mine", (Avoid,), {"depths": helper})
+
+
 class Own(Reach):
     """A task in which every part differs."""
 

@@ -20,6 +20,7 @@ from jaxtyping import Bool, Float
 from s2c2a.arm import ArmSpec
 from s2c2a.arm.geometry import body_radii, center_line, per_module
 from s2c2a.arm.randomized import randomized_arm
+from s2c2a.errors import S2C2AError, nearest_name
 from s2c2a.integrations.environments.spaces import BatchMoment, Controls, observe
 from s2c2a.kinematics.chain import states_from_bends
 from s2c2a.spaces import CENTER_LINE_POINTS, POSITION
@@ -40,6 +41,9 @@ FORCE_SHARE = (
     0.5  # of EI / L^2; moves the tip of a uniform rod by a sixth of its length
 )
 OBSTACLE_SHARE = 0.08  # of the arm's length, radius of the sphere
+
+METHODS = ("observe", "rewards", "ends", "goals", "scenario", "sampled_arm")
+"""Methods of a family by which tasks differ."""
 
 _states = jax.jit(states_from_bends)
 
@@ -77,6 +81,25 @@ class Family(ABC):
     controls: Controls
     steps: int
     randomization: float = 0.0
+
+    def __init_subclass__(cls) -> None:
+        """Refuse a misspelled method, in whose place that of the base would be used.
+
+        Raises:
+            S2C2AError: the name of a public method is nearly one of `METHODS` that the
+                class does not have.
+        """
+        super().__init_subclass__()
+        others = [name for name in METHODS if name not in vars(cls)]
+        for name, value in vars(cls).items():
+            is_own = callable(value) and not hasattr(super(cls, cls), name)
+            nearest = nearest_name(name, others)
+            if is_own and nearest and not name.startswith("_"):
+                raise S2C2AError(
+                    f"the task {cls.__name__} states '{name}' (did you mean "
+                    f"{nearest}?); tasks differ by {', '.join(METHODS)}: rename it, or "
+                    "begin the name of a helper with an underscore"
+                )
 
     @property
     def arm(self) -> ArmSpec:
