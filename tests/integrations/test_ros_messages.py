@@ -249,7 +249,9 @@ def test_markers_show_arm_target_and_obstacles(outputs, snapshot):
     assert [marker.type for marker in markers[1:]] == [4, 2, 2, 2]
     assert markers[1].points[-1].z == pytest.approx(snapshot.tip[2])
     assert markers[3].pose.position.x == pytest.approx(0.1)
-    assert markers[4].scale.x == pytest.approx(0.2)
+    # no preset states a radius: the arm ends at its cables
+    sizes = [marker.scale.x for marker in markers[1:]]
+    assert sizes == pytest.approx([2 * 0.027, *[2.5 * 0.027] * 2, 0.2])
     assert len({marker.id for marker in markers}) == len(markers)
 
 

@@ -18,6 +18,25 @@ def test_modules_with_equal_cable_arrangements_share_a_cross_section(arm):
     assert list(kinds_of_module(mixed).items()) == [("A", [1, 3]), ("B", [2])]
 
 
+def test_the_drawing_shows_the_radius_of_the_body(arm, side_of):
+    first, second, third = arm.modules
+    thick = second.model_copy(update={"radius": 0.06})
+    side = side_of(arm.model_copy(update={"modules": (first, thick, third)}))
+    _, *bodies = [np.ptp(patch.get_xy(), axis=0)[0] for patch in side.patches]
+    np.testing.assert_allclose(bodies, [0.054, 0.12, 0.054])
+    table, usual, of_thick = side.figure.axes[3:]
+    (cells,) = [drawn.get_celld() for drawn in table.tables]
+    column = next(
+        place
+        for (row, place), cell in cells.items()
+        if not row and cell.get_text().get_text().startswith("body")
+    )
+    texts = [cells[row, column].get_text().get_text() for row in (1, 2, 3)]
+    assert texts == ["0", "60", "0"]
+    assert usual.patches[0].radius == pytest.approx(1.22)
+    assert of_thick.patches[0].radius == pytest.approx(60 / 27)
+
+
 @pytest.fixture
 def side_of(drawn_figures, tmp_path):
     """Axes of the side view of an arm, laid out."""

@@ -37,6 +37,15 @@ def test_a_straight_module_is_a_cylinder_around_its_cables(straight, arm):
     assert (corners[:, 2].min(), corners[:, 2].max()) == pytest.approx((0.0, 0.2))
 
 
+def test_a_module_has_the_radius_that_the_arm_file_states(straight, arm):
+    first, *others = arm.modules
+    thick = first.model_copy(update={"radius": 0.05})
+    mesh = ArmMesh(arm.model_copy(update={"modules": (thick, *others)}))
+    (corners, _), (other, _), _ = named(mesh, mesh.vertices(straight), "module")
+    np.testing.assert_allclose(np.linalg.norm(corners[:, :2], axis=-1), 0.05)
+    np.testing.assert_allclose(np.linalg.norm(other[:, :2], axis=-1), 1.12 * 0.027)
+
+
 @pytest.mark.parametrize("bend", [0.01, 0.26, 1.4])
 def test_the_tubes_follow_the_center_line_with_constant_radius(make_trace, arm, bend):
     mesh, states = ArmMesh(arm), make_trace(bend=bend).states[30]

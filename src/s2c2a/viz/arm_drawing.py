@@ -30,6 +30,7 @@ MAX_NUMBERED = 10  # boundaries of modules with a number
 QUANTITIES = (  # attribute of a module, factor, heading
     ("length", 1000, "length\n[mm]"),
     ("cable_radius", 1000, "cables at\n[mm]"),
+    ("radius", 1000, "body\n[mm]"),
     ("mass", 1000, "mass\n[g]"),
     ("bending_stiffness", 1, "EI\n[N m²]"),
     ("gj", 1, "GJ\n[N m²]"),
@@ -38,14 +39,14 @@ QUANTITIES = (  # attribute of a module, factor, heading
 
 
 def kinds_of_module(arm: ArmSpec) -> dict[str, list[int]]:
-    """Group modules by their arrangement of cables.
+    """Group modules by their body and arrangement of cables.
 
     Returns:
         Numbers of the modules, from 1 at the base, for each letter from "A".
     """
     groups: dict[tuple, list[int]] = {}
     for number, module in enumerate(arm.modules, start=1):
-        arrangement = (module.cable_radius, module.cable_angles_deg)
+        arrangement = (module.radius, module.cable_radius, module.cable_angles_deg)
         groups.setdefault(arrangement, []).append(number)
     return dict(zip(ascii_uppercase, groups.values(), strict=False))
 
@@ -130,7 +131,10 @@ def _draw_gravity(axes: Axes, mounting: Mounting) -> None:
 
 
 def _draw_side(axes: Axes, arm: ArmSpec) -> None:
-    """Draw the straight arm with its cables [m], and number its boundaries [mm]."""
+    """Draw the straight arm with its cables [m], and number its boundaries [mm].
+
+    Without a radius in the arm file, the body ends at the cables.
+    """
     directions = _directions(Mounting.of(arm))
     side = int(np.argmax(np.abs(directions[:, :2]).sum(axis=0)))
     axes.set_aspect("equal")
@@ -138,8 +142,7 @@ def _draw_side(axes: Axes, arm: ArmSpec) -> None:
     plane = directions[:, [side, 2]].T
 
     def at(z, across):
-        points = np.broadcast_arrays(across, z)
-        return np.stack(points, axis=-1) @ plane
+        return np.stack(np.broadcast_arrays(across, z), axis=-1) @ plane
 
     def draw_box(z, radius: float, color: str) -> None:
         across = radius * np.array([-1, 1, 1, -1])
@@ -154,24 +157,19 @@ def _draw_side(axes: Axes, arm: ArmSpec) -> None:
         arm.modules, ends, ends[1:], colors, strict=False
     ):
         radius = module.cable_radius
-        draw_box((low, high), radius, color + "38")
+        draw_box((low, high), module.radius or radius, color + "38")
         angles_deg = np.subtract(module.cable_angles_deg, 90.0 * side)
         offsets = radius * np.cos(np.deg2rad(angles_deg))
         for offset in offsets:
             cable = at([low, high], offset)
             axes.plot(*cable.T, color=color, linewidth=1.2)
-        edges = DISC_RADIUS * radius * np.array([-1, 1])
-        disc = at(high, edges)
+        disc = at(high, DISC_RADIUS * radius * np.array([-1, 1]))
         axes.plot(*disc.T, color=INK, linewidth=1.8, solid_capstyle="butt")
     numbered = ends[:: -(-len(ends) // MAX_NUMBERED)]
     labels = [f"{1000 * end:.4g}" for end in numbered]
-    x, y = directions[:, 2]
-    if y:
-        axes.set_yticks(y * numbered, labels)
-        axes.set_ylabel("z [mm]", color=MUTED, fontsize=8)
-    else:
-        axes.set_xticks(x * numbered, labels)
-        axes.set_xlabel("z [mm]", color=MUTED, fontsize=8)
+    axis = axes.yaxis if directions[1, 2] else axes.xaxis
+    axis.set_ticks(directions[:, 2].sum() * numbered, labels)
+    axis.set_label_text("z [mm]", color=MUTED, fontsize=8)
 
 
 def _draw_table(
@@ -216,13 +214,16 @@ def _draw_table(
 def _draw_cross_section(
     axes: Axes, arm: ArmSpec, letter: str, numbers: list[int]
 ) -> None:
-    """Draw a section seen from the tip: x to the right, y up; number its cables."""
+    """Draw a section seen from the tip: x to the right, y up; number its cables.
+
+    The body has its stated radius, to the scale of the cables.
+    """
     axes.set(xlim=(-2.1, 2.1), ylim=(-1.9, 1.9), aspect="equal")
     first = numbers[0] - 1
     module = arm.modules[first]
     color = module_colors(arm.module_count)[first]
     fill = {"facecolor": color + "1f", "edgecolor": color, "linewidth": 1.4}
-    axes.add_patch(Circle((0, 0), 1.22, **fill))
+    axes.add_patch(Circle((0, 0), module.radius / module.cable_radius or 1.22, **fill))
     dashes = {"edgecolor": MUTED, "linewidth": 0.8, "linestyle": "--"}
     axes.add_patch(Circle((0, 0), 1, facecolor="none", **dashes))
     for name, end in zip("xy", np.eye(2), strict=True):

@@ -90,15 +90,6 @@ def label_log_axis(axes: Axes) -> None:
     axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
 
 
-def padded_limits(values: np.ndarray) -> tuple[float, float]:
-    """Axis limits around all finite values, at least `MIN_SPAN` apart."""
-    finite = values[np.isfinite(values)]
-    low, high = (finite.min(), finite.max()) if finite.size else (0.0, 0.0)
-    middle = (low + high) / 2
-    half = max(high - low, MIN_SPAN) / 2
-    return float(middle - 1.12 * half), float(middle + 1.12 * half)
-
-
 def draw_arrow(axes: Axes, start, end, color: str, width: float, head: float) -> None:
     """Draw a straight arrow, or a line if the size of its head [points] is zero."""
     style = {
@@ -287,7 +278,13 @@ def draw_coordinate(axes: Axes, traces: Sequence[Trace], axis: int) -> None:
         axes, traces, colors, lambda one: (one.times, one.followed_path[:, axis])
     )
     followed = (trace.followed_path[:, axis] for trace in traces)
-    axes.set_ylim(*padded_limits(np.concatenate([desired, *followed])))
+    # limits around all finite values, at least `MIN_SPAN` apart
+    values = np.concatenate([desired, *followed])
+    finite = values[np.isfinite(values)]
+    low, high = (finite.min(), finite.max()) if finite.size else (0.0, 0.0)
+    middle = (low + high) / 2
+    half = 1.12 * max(high - low, MIN_SPAN) / 2
+    axes.set_ylim(middle - half, middle + half)
 
 
 def draw_errors(axes: Axes, traces: Sequence[Trace], colors: Colors) -> None:

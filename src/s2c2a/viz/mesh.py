@@ -27,7 +27,7 @@ BODY_ROWS = 9  # sections of a module
 COARSER = 2  # step between the corners and sections that the outline keeps
 THREAD_SIDES = 3  # corners of a section of a cable or line
 
-# Module radius as a multiple of the cable radius; an arm file does not state it.
+# radius as a multiple of the cable radius where the arm file states none
 BODY = 1.12
 
 # multiples of the module radius
@@ -113,7 +113,7 @@ class ArmMesh:
         """Build the mesh of an arm."""
         count = arm.module_count
         lengths = ArmGeometry.of(arm).lengths
-        radii = BODY * ArmGeometry.of(arm).cable_radii
+        radii = [module.radius or BODY * module.cable_radius for module in arm.modules]
         runs = []
         for module, radius in enumerate(radii):
             body = [(share, 0.0, radius) for share in np.linspace(0, 1, BODY_ROWS)]
@@ -210,7 +210,7 @@ _TRIANGLE = directions_at(2 * np.pi * np.arange(THREAD_SIDES) / THREAD_SIDES)
 
 
 def _pieces(
-    arm: ArmSpec, radii: np.ndarray, tubes: list[tuple[int, int]]
+    arm: ArmSpec, radii: Sequence[float], tubes: list[tuple[int, int]]
 ) -> tuple[Piece, ...]:
     """Pieces of an arm from the tubes of its modules, their discs, and the base."""
     count = arm.module_count

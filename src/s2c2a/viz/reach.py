@@ -65,12 +65,8 @@ def reach_figure(
         for label, (marker, color, chosen) in kinds.items():
             if chosen.any():
                 points = charts.seen(targets[chosen].reshape(-1, 3), nearest)
-                look: dict[str, Any] = {
-                    "color": color,
-                    "markersize": size,
-                    "zorder": 60,
-                }
-                axes.plot(*points, marker, label=label, **look)
+                look: dict[str, Any] = {"color": color, "markersize": size}
+                axes.plot(*points, marker, label=label, zorder=60, **look)
     return charts.save_figure(figure, path)
 
 

@@ -45,9 +45,7 @@ class Trace:
                 f"'{self.label}' has no true states of a run, so there is nothing to "
                 "draw. Record the sensor `states` while a strategy runs."
             )
-        counted = self.counted
-        if counted is None:
-            return
+        counted = self._counted
         if counted.shape != self.times.shape or counted.dtype != bool:
             raise S2C2AError(
                 f"'{self.label}': counted has shape {counted.shape} and type "

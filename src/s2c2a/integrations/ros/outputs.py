@@ -147,15 +147,15 @@ class Outputs:
 
     def _solids(self, snapshot: Snapshot, request: Request) -> Iterable[dict[str, Any]]:
         curve, knots = curve_through([point(row[POSITION]) for row in snapshot.states])
-        width = 2.0 * max(module.radius for module in self.arm.modules)
+        # without a radius in the arm file, the body ends at the cables
+        radii = [module.radius or module.cable_radius for module in self.arm.modules]
         yield {
             "kind": LINE_STRIP,
-            "scale": (width, 0.0, 0.0),
+            "scale": (2.0 * max(radii), 0.0, 0.0),
             "color": ARM_COLOR,
             "points": curve(np.linspace(0.0, knots[-1], CURVE_POINTS)),
         }
-        tip = self.arm.modules[-1].radius
-        sphere = {"kind": SPHERE, "scale": (2.5 * tip,) * 3}
+        sphere = {"kind": SPHERE, "scale": (2.5 * radii[-1],) * 3}
         yield {**sphere, "center": snapshot.tip, "color": ARM_COLOR}
         goal = snapshot.step.goal
         target = request.target
