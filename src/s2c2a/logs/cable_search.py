@@ -365,9 +365,13 @@ def _choose_signs(
         # uneven cables decide, but are no proof: right signs of a poor model have some
         ratios = (ratio, new.cost / fit.cost)
         if max(ratios) > AMBIGUOUS_RATIO and min(ratios) < 1 / AMBIGUOUS_RATIO:
+            is_close = AMBIGUOUS_RATIO < ratios[1] < 1 / AMBIGUOUS_RATIO
+            doubt = "both explain the log about equally well"
+            if not is_close:
+                doubt = "the better fit has the less even cables"
             ambiguities.append(
                 f"module {module + 1}: whether larger numbers pull or release "
-                "(both explain the log about equally well; state `positive` of its drives)"
+                f"({doubt}; state `positive` of its drives)"
             )
         if ratio < 1:
             fit = new

@@ -269,13 +269,52 @@ def _end_changes(found: Identified, log_map: LogMap) -> Iterator[str]:
 
 
 def _sign_changes(found: Identified, log_map: LogMap) -> Iterator[str]:
-    other = {"pulls": "releases", "releases": "pulls", "unknown": "unknown"}
-    drives = tuple(
-        _with(drive, positive=other[drive.positive]) for drive in log_map.drives
-    )
-    changed = _with(log_map, drives=drives)
+    clause, changed = reversed_drives(log_map)
     if _are_reversed(found, log_map) and _agrees(found, changed):
-        yield "reverse `positive` of each drive"
+        yield clause
+
+
+def reversed_drives(log_map: LogMap) -> tuple[str, LogMap]:
+    """Clause, and the map in which every stated effect of a drive is the other one."""
+    other = {"pulls": "releases", "releases": "pulls"}
+    drives = tuple(
+        _with(drive, positive=other.get(drive.positive, drive.positive))
+        for drive in log_map.drives
+    )
+    return "reverse `positive` of each drive", _with(log_map, drives=drives)
+
+
+def other_directions(log_map: LogMap, z: np.ndarray) -> list[tuple[str, LogMap]]:
+    """Clause and map with the `along` that the ends show, if another one is stated.
+
+    Args:
+        log_map: the map.
+        z: direction along the arm that the ends show, frame of the log.
+    """
+    frame = log_map.frame
+    if frame.along is None:
+        return []
+    shown = max(AXES, key=lambda axis: float(unit_vector(axis) @ z))
+    direction = unit_vector(shown)
+    if unit_vector(frame.along) @ direction > np.cos(np.deg2rad(2 * TOLERANCE_DEG)):
+        return []
+    clause = f'write frame.along = "{shown}"'
+    if frame.x is not None:
+        across = unit_vector(frame.x) @ direction
+        if abs(across) > np.cos(np.deg2rad(TOLERANCE_DEG)):
+            clause = f"{clause} and a frame.x across it"
+    # an x that was chosen for another direction says nothing of this one
+    return [(clause, _with(log_map, frame=_with(frame, along=shown, x=None)))]
+
+
+def with_assignment(log_map: LogMap, assignment: Assignment) -> LogMap:
+    """The map, which states modules and coupling of an assignment, too."""
+    drives = tuple(
+        _with(drive, module=int(module))
+        for drive, module in zip(log_map.drives, assignment.modules, strict=True)
+    )
+    arm = _with(log_map.arm, coupled_cables=bool(assignment.coupled))
+    return _with(log_map, drives=drives, arm=arm)
 
 
 def _with(entry: Any, **values: Any) -> Any:

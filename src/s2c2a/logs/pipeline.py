@@ -24,7 +24,14 @@ from s2c2a.logs.drive_faults import excess_travel, foreign_units, likely_changes
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.frame_motion import FrameMotion, find_frame_motions
 from s2c2a.logs.log_map import LogMap
-from s2c2a.logs.map_changes import Identified, describe_angles
+from s2c2a.logs.map_changes import (
+    Identified,
+    contradicts_angles,
+    describe_angles,
+    other_directions,
+    reversed_drives,
+    with_assignment,
+)
 from s2c2a.logs.map_diagnosis import (
     CLEARLY,
     MOST,
@@ -38,7 +45,7 @@ from s2c2a.logs.model_fit import CableFit, Observations, predict_states
 from s2c2a.logs.poor_fits import describe_poor_fit
 from s2c2a.logs.priors import first_guess, prior_std, stated_bounds
 from s2c2a.logs.reading import read_table
-from s2c2a.logs.registration import estimate_registration
+from s2c2a.logs.registration import estimate_registration, estimate_z
 from s2c2a.logs.resampling import split_segments
 from s2c2a.logs.rests import from_rests, possible_rests
 from s2c2a.logs.rig import (
@@ -69,6 +76,7 @@ from s2c2a.spaces import POSITION
 MAX_REACH = 10.0
 READING = "reading the logs"
 COMPARING = "comparing the fit with the map"
+CONTRADICTION = "the map contradicts the log: "
 
 
 @dataclass(frozen=True)
@@ -166,7 +174,7 @@ def import_logs(
         try:
             imported = _describe(fitted, log_map, arm)
         except ArmError as error:  # no arm is like it: the map is wrong
-            if fault := _diagnose_drives(fitted.takes, fitted.rests, log_map):
+            if fault := _diagnose_failure(fitted.takes, fitted.rests, log_map):
                 raise LogError(fault) from error
             sentence = diagnose(fitted.takes, log_map, None)
             raise LogError(f"{error}\n{sentence}".strip()) from error
@@ -238,7 +246,7 @@ def _fit(
             failed = takes, rests
     if fits:
         return min(fits, key=lambda fitted: fitted.fit.cost)
-    if sentence := _diagnose_drives(*failed, log_map):
+    if sentence := _diagnose_failure(*failed, log_map):
         # the failure names what does not fit the wrong drive
         raise LogError(sentence) from failure
     values = [effective_drives(take, log_map) for take in failed[0]]
@@ -310,12 +318,9 @@ def _diagnose_drives(
         return ""
     if fault := excess_travel(observations, log_map):
         return fault
-    contradiction = "the map contradicts the log: "
-    found = []
-
-    def explains(
-        clause: str, changed: LogMap, factors: np.ndarray | float = 1.0
-    ) -> bool:
+    explain = _Explanation(fit, missed)
+    clause, rescaled = foreign_units(observations, log_map)
+    for factors in rescaled:
         scaled = [
             replace(
                 take,
@@ -324,35 +329,107 @@ def _diagnose_drives(
             )
             for take in takes
         ]
-        try:
-            fitted = _fit_takes(scaled, factors * rests, changed, quiet)
-        except S2C2AError:
-            return False
-        share = missed_share(fitted.fit, fitted.observations)
-        # other cables can make up for one of another unit, at the cost of odd numbers
-        is_better = fit is None or fitted.fit.cost < CLEARLY * fit.cost
-        does = share < MOST and (is_better or share < CLEARLY * missed)
-        if does:
-            found.append((fitted.fit.cost, clause, share))
-        return does
-
-    clause, rescaled = foreign_units(observations, log_map)
-    if any(explains(clause, log_map, factors) for factors in rescaled):
-        return f"{contradiction}{clause} (nothing was changed)"
+        if explain.tries(clause, log_map, scaled, factors * rests):
+            return f"{CONTRADICTION}{clause} (nothing was changed)"
     if still_drives(observations.columns, log_map):
         return ""
     for clause, changed in likely_changes(observations, log_map):
-        explains(clause, changed)
-    if not found:
-        return ""
-    least, _, share = min(found)
-    clauses = [clause for cost, clause, _ in found if AMBIGUOUS_RATIO * cost <= least]
-    doubt = "; the log does not tell which" if len(clauses) > 1 else ""
-    before = f", not {100 * missed:.0f} %" if np.isfinite(missed) else ""
+        explain.tries(clause, changed, takes, rests)
+    return explain.sentence()
+
+
+def _diagnose_failure(takes: list[LogTake], rests: np.ndarray, log_map: LogMap) -> str:
+    """Sentence that names why a map has no fit; may be empty.
+
+    The ends alone show another direction, and effects a single drive; that all signs
+    are wrong shows only if these are right.
+    """
     return (
-        f"{contradiction}{', or '.join(clauses)}{doubt}; the model then misses "
-        f"{100 * share:.0f} % of the motion{before} (nothing was changed)"
+        _diagnose_whole(takes, rests, log_map, _shown_directions(takes, log_map))
+        or _diagnose_drives(takes, rests, log_map)
+        or _diagnose_whole(takes, rests, log_map, [reversed_drives(log_map)])
     )
+
+
+def _shown_directions(
+    takes: list[LogTake], log_map: LogMap
+) -> list[tuple[str, LogMap]]:
+    ends = np.concatenate([take.positions for take in takes])
+    return other_directions(log_map, estimate_z(ends, log_map))
+
+
+def _diagnose_whole(
+    takes: list[LogTake],
+    rests: np.ndarray,
+    log_map: LogMap,
+    changes: Sequence[tuple[str, LogMap]],
+    fitted: tuple[CableFit, Assignment] | None = None,
+    missed: float = np.inf,
+) -> str:
+    """Sentence on the signs of all drives, or `along`; empty if they are not at fault.
+
+    No search passes from one of their values to another, so that each is fitted from its
+    own start. Modules and coupling of a fit hold for other signs and directions, too:
+    an alternative takes a tenth of the time of the search that found them.
+    """
+    explain = _Explanation(fitted[0] if fitted else None, missed)
+    read = [from_rests(take, -rests) for take in takes]
+    for clause, changed in changes:
+        if changed == log_map:  # no signs are stated
+            continue
+        held = changed
+        if fitted is not None:
+            held = with_assignment(changed, fitted[1])
+        # the arm is straight in other rows if it points elsewhere
+        for others in possible_rests(read, held):
+            rested = [from_rests(take, others) for take in read]
+            explain.tries(clause, held, rested, others)
+    return explain.sentence()
+
+
+class _Explanation:
+    """Changed maps that explain a log clearly better; see `_diagnose_drives`."""
+
+    def __init__(self, fit: CableFit | None, missed: float):
+        self._fit = fit
+        self._missed = missed
+        self._found: list[tuple[float, str, float]] = []
+
+    def tries(
+        self, clause: str, changed: LogMap, takes: list[LogTake], rests: np.ndarray
+    ) -> bool:
+        """Whether a map explains takes whose drives count from their rests."""
+        try:
+            fitted = _fit_takes(takes, rests, changed, quiet)
+        except S2C2AError:
+            return False
+        fit, axes = fitted.fit, fitted.observations.axes
+        if contradicts_angles(Identified.of(fit, fitted.assignment, axes), changed):
+            return False
+        share = missed_share(fit, fitted.observations)
+        # other cables can make up for one of another unit, at the cost of odd numbers
+        is_better = self._fit is None or fit.cost < CLEARLY * self._fit.cost
+        does = share < MOST and (is_better or share < CLEARLY * self._missed)
+        if does:
+            self._found.append((fit.cost, clause, share))
+        return does
+
+    def sentence(self) -> str:
+        """The best of the changes, and those that are about as good; empty: none."""
+        if not self._found:
+            return ""
+        least, _, share = min(self._found)
+        # each once, whatever the number of its rests
+        clauses = dict.fromkeys(
+            clause for cost, clause, _ in self._found if AMBIGUOUS_RATIO * cost <= least
+        )
+        doubt = "; the log does not tell which" if len(clauses) > 1 else ""
+        is_fitted = np.isfinite(self._missed)
+        before = f", not {100 * self._missed:.0f} %" if is_fitted else ""
+        return (
+            f"{CONTRADICTION}{', or '.join(clauses)}{doubt}; the model then misses "
+            f"{100 * share:.0f} % of the motion{before} (nothing was changed)"
+        )
 
 
 def _describe(fitted: _Fitted, log_map: LogMap, arm: ArmSpec | None) -> Imported:
@@ -387,6 +464,15 @@ def _describe(fitted: _Fitted, log_map: LogMap, arm: ArmSpec | None) -> Imported
     unusual = unusual_numbers(fit, fitted.start, log_map)
     diagnosis = diagnose_map(fitted.takes, log_map, given)
     missed = missed_share(fit, observations)
+    if not diagnosis:
+        changes = [
+            reversed_drives(log_map),
+            *_shown_directions(fitted.takes, log_map),
+        ]
+        known = fit, assignment
+        diagnosis = _diagnose_whole(
+            fitted.takes, fitted.rests, log_map, changes, known, missed
+        )
     contradictions = [describe_contradictions(fit.parameters, observations)]
     if not diagnosis and missed < POOR:  # angles of a poor fit mean nothing
         identified = Identified.of(fit, assignment, observations.axes)

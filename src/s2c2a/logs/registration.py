@@ -97,8 +97,8 @@ def _straight_rows(tip: np.ndarray, z: np.ndarray) -> np.ndarray:
 
 def _find_z(positions: np.ndarray, log_map: LogMap) -> np.ndarray:
     """Direction along the arm, as stated or estimated."""
-    order = np.argsort(log_map.end_modules)
-    known = np.isfinite(positions[:, order[-1]]).all(axis=1)
+    outer = int(np.argmax(log_map.end_modules))
+    known = np.isfinite(positions[:, outer]).all(axis=1)
     if known.sum() < MIN_ROWS:
         raise LogError(
             f"the end of module {max(log_map.end_modules)} is measured in "
@@ -106,7 +106,7 @@ def _find_z(positions: np.ndarray, log_map: LogMap) -> np.ndarray:
         )
     if log_map.frame.along is not None:
         return unit_vector(log_map.frame.along)
-    return _estimate_z(positions[:, order], log_map)
+    return estimate_z(positions, log_map)
 
 
 def _median(positions: Float[np.ndarray, "rows 3"]) -> Vector:
@@ -115,11 +115,12 @@ def _median(positions: Float[np.ndarray, "rows 3"]) -> Vector:
     return np.nanmedian(positions, axis=0)
 
 
-def _estimate_z(positions: Positions, log_map: LogMap) -> Vector:
-    """Direction from the base, or the innermost end, to the tip.
+def estimate_z(positions: Positions, log_map: LogMap) -> Vector:
+    """Direction from the base, or the innermost end, to the tip, as the ends show it.
 
     A tip alone moves on a shell: z is normal to it and points away from its center.
     """
+    positions = positions[:, np.argsort(log_map.end_modules)]
     tip = positions[:, -1]
     tip = tip[np.isfinite(tip).all(axis=1)]
     if log_map.frame.base or positions.shape[1] > 1:

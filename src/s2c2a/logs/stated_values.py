@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.logs.cable_model import CableParameters
-from s2c2a.logs.log_map import LogMap
+from s2c2a.logs.log_map import ROTATING_UNITS, LogMap
 from s2c2a.logs.map_changes import AXES
 from s2c2a.logs.model_fit import CableFit, Observations
 from s2c2a.logs.priors import prior_std
@@ -111,9 +111,20 @@ def unusual_numbers(
         if abs(np.log(identified / radius)) > UNUSUAL * priors["gains"]:
             found.append(
                 f"the bends are those of cables at {1e3 * identified:.1f} mm, not at "
-                f"the stated {1e3 * radius:.1f} mm"
+                f"the stated {1e3 * radius:.1f} mm: arm.cable_radius, or "
+                f"{_scale_of(log_map)}, is wrong by a factor of "
+                f"{max(identified / radius, radius / identified):.1f}"
             )
     return found
+
+
+def _scale_of(log_map: LogMap) -> str:
+    """Keys from which lengths of cables follow."""
+    drive = log_map.drives[0]
+    keys = "unit or scale of the drives"
+    if drive.unit in ROTATING_UNITS:
+        return f"arm.pulley_radius, {keys}"
+    return keys
 
 
 def _share(
