@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 import matplotlib
 from matplotlib.figure import Figure
 
-from s2c2a.viz.colors import GRID
+from s2c2a.viz.colors import GRID, colors_by_label
 
 from tools import ROOT
 from tools.page_tables import (
@@ -27,6 +27,8 @@ from tools.results_tables import find_row, load_rows
 FOLDER = ROOT / "docs" / "pictures"
 SIZE = (8.0, 3.0)  # inches, as wide as a page
 SHARE = 0.8  # of the distance between groups that their bars take
+MODELS = ("best", "paper", "pcc", "pcc-fitted")
+"""Names that have the same color in all pictures that show any of them."""
 SETTINGS = {"svg.hashsalt": "s2c2a", "svg.fonttype": "none", "font.size": 9}
 """The same rows make the same file; words stay words, which readers can search."""
 
@@ -157,12 +159,15 @@ def drawn(bars: Bars) -> str:
         figure = Figure(SIZE, layout="constrained")
         axes = figure.subplots()
         width = SHARE / len(bars.series)
+        shared = MODELS if "best" in bars.series else ()
+        colors = colors_by_label([*shared, *bars.series])
         for number, (name, values) in enumerate(bars.series.items()):
             left = number * width - SHARE / 2 + width / 2
             shown = [
                 (i + left, value) for i, value in enumerate(values) if value is not None
             ]
-            axes.bar(*zip(*shown, strict=True), width=width, label=name)
+            places, heights = zip(*shown, strict=True)
+            axes.bar(places, heights, width=width, label=name, color=colors[name])
         axes.set_xticks(range(len(bars.groups)), bars.groups)
         axes.set_ylabel(bars.label)
         axes.grid(axis="y", color=GRID)

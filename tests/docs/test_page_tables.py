@@ -6,10 +6,12 @@ from collections.abc import Iterator
 
 import pytest
 
+from s2c2a.viz.colors import PALETTE
+
 from tools import ROOT
 from tools.inline_figures import FIGURES
 from tools.page_tables import TABLES
-from tools.results_pictures import FOLDER, PICTURES, values_of
+from tools.results_pictures import FOLDER, MODELS, PICTURES, values_of
 from tools.results_tables import find_row
 from tools.write_tables import FIGURE, MARKED, pages_with_tables, written
 
@@ -79,6 +81,21 @@ def test_every_picture_of_results_shows_the_rows():
         is_present = values_of(bars()) in html.unescape(drawn)
         assert is_present, f"{name}: run python -m tools.write_tables"
         assert any(f"{name}.svg" in page for page in pages)
+
+
+def test_pictures_of_results_have_the_colors_of_figures_and_one_for_each_model():
+    of_model = {}
+    for name, bars in PICTURES.items():
+        picture = (FOLDER / f"{name}.svg").read_text(encoding="utf-8")
+        # bars, and their mark in the legend at the end
+        fills = re.findall(r"fill: (#[0-9a-f]{6})", picture)
+        shown = list(bars().series)
+        for series, color in zip(shown, fills[-len(shown) :], strict=True):
+            assert color in PALETTE
+            if series in MODELS:
+                of_model.setdefault(series, set()).add(color)
+    assert all(len(colors) == 1 for colors in of_model.values())
+    assert set(of_model) == set(MODELS)
 
 
 def test_every_number_on_pages_of_results_has_a_row_or_a_command():

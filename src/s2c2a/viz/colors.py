@@ -28,7 +28,7 @@ _STRATEGY_COLORS = {
     "pcc-fitted": "#c77d0a",
     "lstm": "#0d8fa0",
 }
-_PALETTE = ("#1f5fc4", "#2b9a4b", "#c77d0a", "#0d8fa0", "#b8327f", "#6b7280", "#7a5230")
+PALETTE = ("#1f5fc4", "#2b9a4b", "#c77d0a", "#0d8fa0", "#b8327f", "#6b7280", "#7a5230")
 
 
 def rgb(color: str) -> tuple[int, int, int]:
@@ -57,8 +57,8 @@ def module_colors(count: int) -> list[str]:
 def colors_by_label(labels: Iterable[str]) -> dict[str, str]:
     """Color of each label: that of a known strategy, else an unused one."""
     colors = {label: _STRATEGY_COLORS.get(label.lower()) for label in labels}
-    unused = [color for color in _PALETTE if color not in colors.values()]
-    spare = cycle(unused or _PALETTE)
+    unused = [color for color in PALETTE if color not in colors.values()]
+    spare = cycle(unused or PALETTE)
     return {label: color or next(spare) for label, color in colors.items()}
 
 
