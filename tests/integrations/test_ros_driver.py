@@ -1,7 +1,9 @@
 """ROS 2 as the driver of an arm: presence, bounded rates, stops, refusals."""
 
+import re
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -190,6 +192,19 @@ def test_every_step_is_published_and_markers_and_status_seldom(
     assert 1 <= counts["/diagnostics"] <= 2
     values = node.published["/diagnostics"][-1].status[0].values
     assert ("refused_messages", "3") in [(pair.key, pair.value) for pair in values]
+
+
+def test_the_page_describes_every_key_of_the_status(control, snapshot, node, reporter):
+    control._show(snapshot)
+    reporter.close()
+    page = Path(__file__).parents[2] / "docs" / "guides" / "ros.md"
+    table = page.read_text(encoding="utf-8").partition("| key | value |")[2]
+    rows = table.partition("\n\n")[0].splitlines()
+    keys = [
+        key for row in rows[2:] for key in re.findall(r"`(\w+)`", row.split("|")[1])
+    ]
+    values = node.published["/diagnostics"][-1].status[0].values
+    assert keys == [pair.key for pair in values]
 
 
 def test_an_odd_sensor_does_not_end_the_topics(control, snapshot, node, reporter, log):
