@@ -120,17 +120,29 @@ def test_an_unwritable_path_is_named_and_missing_folders_are_created(tmp_path):
     assert load_arm(tmp_path / "new" / "mine.toml") == load_arm("twin_arm")
 
 
-@pytest.mark.parametrize(("deg", "count"), [(1.2, 1), (4.0, 0)])
-def test_a_bend_limit_in_radians_is_warned_of(tmp_path, deg, count):
+@pytest.mark.parametrize(
+    ("bend_deg", "step_deg", "rate", "named"),
+    [
+        (1.2, 4.0, 10.0, ["bend_limit_deg is 1.2"]),
+        (4.0, 4.0, 10.0, []),
+        (47.0, 0.07, 10.0, ["step_limit_deg is 0.07"]),
+        (1.0, 0.07, 10.0, ["bend_limit_deg is 1", "step_limit_deg is 0.07"]),
+        (47.0, 0.4, 100.0, []),
+        (47.0, 9.0, 0.1, []),  # steps of ten seconds are poses
+    ],
+)
+def test_limits_in_radians_are_warned_of(tmp_path, bend_deg, step_deg, rate, named):
     arm = randomized_arm(load_arm("twin_arm"), 2, 1.0)
     modules = tuple(
-        module.model_copy(update={"bend_limit_deg": deg}) for module in arm.modules
+        module.model_copy(update={"bend_limit_deg": bend_deg}) for module in arm.modules
     )
-    save_arm(arm.model_copy(update={"modules": modules}), tmp_path / "mine.toml")
+    limits = {"modules": modules, "step_limit_deg": step_deg, "control_rate": rate}
+    save_arm(arm.model_copy(update=limits), tmp_path / "mine.toml")
     with warnings.catch_warnings(record=True) as said:
         load_arm(tmp_path / "mine.toml")
-    assert len(said) == count
-    assert all("did you mean degrees?" in str(each.message) for each in said)
+    path = tmp_path / "mine.toml"
+    expected = [f"{path}: {key}; did you mean degrees?" for key in named]
+    assert [str(each.message) for each in said] == expected
 
 
 def test_a_missing_file_lists_the_presets(tmp_path):

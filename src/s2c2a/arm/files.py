@@ -50,11 +50,16 @@ def load_arm(name_or_path: str | os.PathLike) -> ArmSpec:
         )
     arm = arm_from_toml(read_text(path, ArmError), source=str(name_or_path))
     bends = [module.bend_limit_deg for module in arm.modules if module.cable_angles_deg]
-    if min(bends) <= np.pi:  # no bend in radians is larger
-        text = (
-            f"{name_or_path}: bend_limit_deg is {min(bends):g}; did you mean degrees?"
-        )
-        warnings.warn(text, stacklevel=2)
+    limits = {
+        "bend_limit_deg": (min(bends), 1.0),
+        # steps that are slower than a second are poses
+        "step_limit_deg": (arm.step_limit_deg, max(arm.control_rate, 1.0)),
+    }
+    for key, (limit, rate) in limits.items():
+        # no bend in radians is larger, and no speed of bends in radians a second
+        if limit * rate <= np.pi:
+            text = f"{name_or_path}: {key} is {limit:g}; did you mean degrees?"
+            warnings.warn(text, stacklevel=2)
     # other texts may stem from strangers: `s2c2a import` copies the description of a map
     names = [arm.sensing, *(raw.model for raw in arm.sensors.raw)]
     if arm.tracking is not None:
