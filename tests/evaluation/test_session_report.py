@@ -1,7 +1,11 @@
 """The warning that the seen tip disagrees with the model's stated deviation."""
 
+from dataclasses import replace
+
+import jax.numpy as jnp
 import numpy as np
 import pytest
+from jax.flatten_util import ravel_pytree
 
 from made_up import TWIN, made_up
 from s2c2a.arm.sensors import Camera, Sensors
@@ -10,10 +14,13 @@ from s2c2a.estimation import EstimationSettings
 from s2c2a.evaluation import (
     DisagreementWatch,
     describe_disagreement,
+    describe_session,
 )
 from s2c2a.evaluation.lasting_error import module_ends
 from s2c2a.jobs import Conditions
 from s2c2a.kinematics import configurations_from_bends
+from s2c2a.models.session import DayChange
+from s2c2a.models.session_fit import DayPosterior, SessionFit
 from s2c2a.robots import RobotFactory
 from s2c2a.runtime import StepRecord
 from s2c2a.spaces import Reading, Stage
@@ -164,3 +171,23 @@ def test_a_late_picture_of_a_moving_tip_is_compared_with_the_time_that_it_shows(
     assert describe_disagreement(made_up(STEPS, arm, **columns)) == ""
     columns["sensor.camera_positions"] = pictures + 2.0 * STD
     assert "`s2c2a session`" in describe_disagreement(made_up(STEPS, arm, **columns))
+
+
+@pytest.mark.parametrize(
+    ("turn", "said"),
+    [
+        ((0.9, 0.0, 0.0), "not distinguishable from none"),
+        ((0.9, 0.3, 0.0), "frame of the tracking: changed"),  # but not by 0.9 deg
+        ((2.4, 0.3, 0.0), "frame of the tracking: 2.4 ± 0.7 deg of turn"),
+    ],
+)
+def test_a_session_lists_sizes_beyond_two_deviations_alone(turn, said):
+    none = DayChange.none(TWIN.module_count)
+    change = replace(none, rotation=jnp.deg2rad(jnp.asarray(turn)))
+    std = np.full(len(ravel_pytree(change)[0]), 1e-3)
+    std[3:6] = np.deg2rad([0.7, 0.05, 0.7])
+    posterior = DayPosterior(change, np.diag(std**2))
+    fit = SessionFit(posterior, change, before=0.01, after=0.002, improves=True)
+    report = " ".join(describe_session(fit, TWIN))
+    assert said in report
+    assert ("deg of turn" in report) == ("deg of turn" in said)

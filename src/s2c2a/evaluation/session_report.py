@@ -180,16 +180,18 @@ def _size(
 ) -> str:
     """Size of some numbers as text, with its standard deviation; one keeps its sign.
 
-    Empty where it is not distinguishable from none.
+    Empty where it is not distinguishable from none, or within two deviations: numbers
+    that are distinguishable in another direction than theirs alone.
     """
     value, covariance = posterior.part(part, module=module)
-    if not _is_distinct(value, covariance):
-        return ""
     if part == "softness":  # of a logarithm, the share
         value, covariance = np.expm1(value), np.exp(2.0 * value) * covariance
+    if not _is_distinct(value, covariance):
+        return ""
     size = float(np.linalg.norm(value))
-    direction = value / size
-    std = float(np.sqrt(direction @ covariance @ direction))
+    std = float(np.sqrt(value @ covariance @ value)) / size
+    if size <= 2.0 * std:
+        return ""
     shown = f"{factor * value[0]:+.1f}" if len(value) == 1 else f"{factor * size:.1f}"
     of_module = "" if module is None else f" in module {module + 1}"
     return f"{shown} ± {factor * std:.1f} {unit}{of_module}"
