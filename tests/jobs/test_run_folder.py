@@ -148,6 +148,28 @@ def test_a_continued_run_does_not_list_files_that_came_in_between(tmp_path):
     refused(folder, r"thesis\.tex")
 
 
+def test_a_run_that_is_not_continued_names_what_changed(tmp_path):
+    folder = run_in(tmp_path / "run")
+    options = {"seed": 1, "session": {"date": "2026-11-30", "improves": True}}
+    session = r"options\.session None, now \{'date': '2026-11-30', 'improves': True\}"
+    with pytest.raises(S2C2AError, match=rf"other options or versions \({session}\); "):
+        open_run_directory(folder, "x", options, overwrite=False, resume=True)
+    run = tmp_path / "measured"
+    open_run_directory(run, "x", options, overwrite=False)
+    options["session"]["date"] = "2026-12-01"
+    dates = r"options\.session\.date '2026-11-30', now '2026-12-01'"
+    with pytest.raises(S2C2AError, match=dates):
+        open_run_directory(run, "x", options, overwrite=False, resume=True)
+
+
+@pytest.mark.parametrize("text", ["", "[" * 100_000, "[1]", "{}"])
+def test_a_run_with_damaged_options_is_not_continued(tmp_path, text):
+    folder = run_in(tmp_path / "run")
+    (folder / "options.json").write_text(text)
+    with pytest.raises(S2C2AError, match="is of other options or versions"):
+        open_run_directory(folder, "x", {"seed": 1}, overwrite=False, resume=True)
+
+
 def test_a_name_is_listed_before_its_file_is_written(tmp_path):
     open_run_directory(tmp_path / "run", "x", {}, overwrite=False)
     path = tmp_path / "run" / "late.json"

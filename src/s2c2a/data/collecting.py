@@ -140,15 +140,15 @@ def collect(
         )
     else:
         writer = EpisodeWriter(path)
-        differences = [
-            *_differences(writer.options, stored),
-            *_differences(writer.arm.model_dump(), arm.model_dump(), "arm"),
+        found = [
+            *differences(writer.options, stored),
+            *differences(writer.arm.model_dump(), arm.model_dump(), "arm"),
         ]
-        if differences:
+        if found:
             writer.close()
             raise RecordingError(
                 f"{path} was started with another arm or other options "
-                f"({listed(differences, '; ')}); resume it with the same ones, or replace "
+                f"({listed(found, '; ')}); resume it with the same ones, or replace "
                 "it (--overwrite)"
             )
     try:
@@ -166,7 +166,7 @@ def collect(
     return load_recording(path)
 
 
-def _differences(before: Any, after: Any, key: str = "") -> list[str]:
+def differences(before: Any, after: Any, key: str = "") -> list[str]:
     """Name every key whose value changed in nested tables, with both values."""
     if before == after:
         return []
@@ -174,11 +174,11 @@ def _differences(before: Any, after: Any, key: str = "") -> list[str]:
     new = _entries(after)
     if old is None or new is None:
         return [f"{key} {before!r:.60}, now {after!r:.60}"]
-    differences = []
+    found = []
     for name in {**old, **new}:
         path = f"{key}.{name}" if key else str(name)
-        differences += _differences(old.get(name), new.get(name), path)
-    return differences
+        found += differences(old.get(name), new.get(name), path)
+    return found
 
 
 def _entries(value: Any) -> dict[Any, Any] | None:

@@ -8,6 +8,7 @@ from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 
+from s2c2a.data.collecting import differences
 from s2c2a.episodes import save_episodes
 from s2c2a.episodes.file import ENDING
 from s2c2a.errors import S2C2AError, listed
@@ -51,11 +52,12 @@ def open_run_directory(
     content = {"options": options, "versions": versions()}
     text = json.dumps(content, indent=1, default=str) + "\n"
     marker = folder / MARKER
-    resumes = (
-        resume and not overwrite and marker.is_file() and read_text(marker) == text
-    )
-    if not resumes:
-        _clear(folder, overwrite, resume)
+    fault = "is not empty"
+    if resume and not overwrite and marker.is_file():
+        changes = _changes(marker, json.loads(text))
+        fault = changes and f"is of other options or versions ({changes})"
+    if fault:
+        _clear(folder, overwrite, fault)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         keep_manifest(folder)
@@ -63,20 +65,26 @@ def open_run_directory(
         raise S2C2AError(
             f"cannot make the run directory {folder}: {error}; choose another --out"
         ) from error
-    if not resumes:
+    if fault:
         write_atomically(text, marker)
     return folder
 
 
-def _clear(folder: Path, overwrite: bool, resume: bool) -> None:
+def _changes(marker: Path, content: dict) -> str:
+    """Options and versions that differ from those of a run directory; empty for none."""
+    try:
+        return listed(differences(json.loads(read_text(marker)), content), "; ")
+    except (ValueError, RecursionError):
+        return f"{marker.name} is damaged"
+
+
+def _clear(folder: Path, overwrite: bool, fault: str) -> None:
     """Delete a run directory if it exists and may be replaced."""
     if folder.is_symlink() and overwrite:
         raise S2C2AError(f"{folder} is a link; give the directory itself")
     if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
         return
     if not overwrite:
-        is_run = resume and (folder / MARKER).is_file()
-        fault = "is of other options or versions" if is_run else "is not empty"
         raise S2C2AError(
             f"{folder} exists and {fault}; add --overwrite or choose another --out"
         )
