@@ -168,7 +168,7 @@ def test_an_exported_csv_is_imported_again_with_its_map(recording, tmp_path):
 @pytest.mark.parametrize(
     ("out", "message"),
     [
-        (None, "neither --to nor --out"),
+        (None, "no --out was given; add --to"),
         ("two", "has no ending; add --to"),
         ("two.xls", "choose one of csv, parquet, npz, mat"),
     ],

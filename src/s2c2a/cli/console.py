@@ -42,7 +42,8 @@ OptionalPath = Annotated[Path | None, tyro.conf.arg(metavar="PATH")]
 Count = Annotated[int | None, tyro.conf.arg(metavar="INT")]
 OptionalNumber = Annotated[float | None, tyro.conf.arg(metavar="FLOAT")]
 SceneFile = Annotated[Path | None, tyro.conf.arg(metavar="FILE.toml")]
-Vector = Annotated[tuple[float, float, float] | None, tyro.conf.arg(metavar="X Y Z")]
+Vector = Annotated[tuple[float, ...], tyro.conf.arg(metavar="X Y Z")]
+"""Three numbers, as `Goal` checks; none where the option is not given."""
 
 WIDTH_IN_FILES = 120  # characters; no table of results needs more
 LINE_INTERVAL = 20.0  # s; three lines of progress a minute in a file

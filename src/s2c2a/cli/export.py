@@ -41,11 +41,7 @@ def export(
     """
     form = to or (out.suffix.removeprefix(".") if out else "")
     if not form:
-        given = (
-            f"--out '{out}' has no ending"
-            if out
-            else "neither --to nor --out was given"
-        )
+        given = f"--out '{out}' has no ending" if out else "no --out was given"
         known = ", ".join([*FORMS, *installed("export")])
         raise S2C2AError(f"{given}; add --to with one of {known}")
     trust_code(form)

@@ -38,8 +38,8 @@ Obstacles = Annotated[
 def reach(
     arm: OptionalArm = None,
     weights: OptionalPath = None,
-    target: Vector = None,
-    axis: Vector = None,
+    target: Vector = (),
+    axis: Vector = (),
     module: Count = None,
     csv: OptionalPath = None,
     payload_g: float = 0.0,
@@ -72,13 +72,13 @@ def reach(
 
     spec = arm_of(arm, weights)
     path = _path(csv, spec) if csv else None
-    if (target is None) == (csv is None):
-        given = "none was given" if target is None else "both were given"
+    if bool(target) == bool(csv):
+        given = "both were given" if target else "none was given"
         raise S2C2AError(
             "a target is needed: a position with --target X Y Z, or a file of waypoints "
             f"with --csv; {given}"
         )
-    plain = path[1] if path else [_goal(target, axis, module, spec)]  # type: ignore[arg-type]  # one of them
+    plain = path[1] if path else [_goal(target, axis, module, spec)]
     rows = _obstacle_rows(obstacle, scene)
     goals = Goal.stacked([goal_beside(goal, rows) for goal in plain])
     if not 0.0 <= payload_g < np.inf:
@@ -105,9 +105,7 @@ def reach(
         print(f"figure: {reach_figure(spec, states, goals, reached, figure)}")
 
 
-def _goal(
-    target: tuple[float, float, float], axis: Vector, module: int | None, arm: "ArmSpec"
-) -> "Goal":
+def _goal(target: Vector, axis: Vector, module: int | None, arm: "ArmSpec") -> "Goal":
     """The goal of one target.
 
     Raises:
@@ -122,7 +120,7 @@ def _goal(
             f"--module {number} does not exist; '{arm.name}' has {count}, from 1 at the "
             f"base to {count}"
         )
-    return goal_at(arm, target, axis, number - 1)
+    return goal_at(arm, target, axis or None, number - 1)
 
 
 def _path(csv: Path, arm: "ArmSpec") -> "Moments":

@@ -17,7 +17,8 @@ from s2c2a.tasks.task import PAPER_LENGTH, Path, Score, Task
 
 Sphere = tuple[float, float, float, float]
 """Center and threshold r [m], for an arm of 0.6 m."""
-Point = tuple[float, float, float]
+Point = Sequence[float]
+"""Three numbers, as `Goal.with_position` and `Goal.with_axis` check."""
 
 REACH_TARGET = (0.30, 0.0, 0.49)  # m
 # the protocol (docs/results/protocol.md), as all places and times below
