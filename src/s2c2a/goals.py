@@ -4,7 +4,7 @@ All goals have the same array shapes, so that a new goal causes no compilation.
 """
 
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -19,6 +19,8 @@ PREVIEW_INTERVAL = 0.1  # s between them; a control step where that is longer
 START_TIME = 1.0  # s; chosen: until a plan beside obstacles is at its full pace
 MAX_OBSTACLES = 64  # benchmarks/bench_growth.py measures what they cost
 Numbers = np.ndarray  # inside the planner, JAX traces the same fields
+GoalPart = Literal["axes", "other ends", "obstacles"]
+"""Parts of goals beside the position of the tip; "other ends" than that of the tip."""
 Scalar = Float[Numbers, ""]
 PerModule = Float[Numbers, " modules"]
 Vectors = Float[Numbers, "modules 3"]

@@ -515,3 +515,8 @@ def test_a_trembling_motion_has_more_jerk_however_long_and_wide_it_is():
     trembling = smooth + 1e-3 * np.sin(80 * times) * np.eye(3)[1]
     assert log_jerk(trembling, 0.01) > log_jerk(smooth, 0.01) + 1.0
     assert log_jerk(3.0 * smooth, 0.02) == pytest.approx(log_jerk(smooth, 0.01))
+
+
+@pytest.mark.parametrize("task", protocol.TASKS.values(), ids=protocol.TASKS)
+def test_a_task_needs_what_its_goals_give(task):
+    assert {each.needs for each in task.tasks(TWIN_ARM)} == {task.needs}

@@ -6,6 +6,7 @@ import jax
 import pytest
 
 from s2c2a.arm import load_arm
+from s2c2a.cli.main import main
 from s2c2a.errors import S2C2AError, StrategyError
 from s2c2a.estimation import EncoderOnly, EstimationSettings, KalmanFilter
 from s2c2a.jobs import Conditions, jobs_for
@@ -136,6 +137,27 @@ def own_strategy(file, *lines) -> str:
         + "".join(f"    {line}\n" for line in lines)
     )
     return f"{file}:Own"
+
+
+@pytest.mark.parametrize(
+    ("task", "remark"),
+    [
+        ("reach-1", "Own ignores what this task needs: obstacles\n"),
+        ("hold-middle", "Own ignores what this task needs: other ends\n"),
+        ("circle", ""),
+    ],
+)
+def test_a_run_says_what_a_strategy_ignores(
+    tmp_path, capsys, monkeypatch, task, remark
+):
+    monkeypatch.chdir(tmp_path)
+    ignores = 'ignores = frozenset({"obstacles", "other ends"})'
+    own = own_strategy(tmp_path / f"ignores_{task}.py", ignores)
+    with pytest.raises(SystemExit):
+        main(["run", task, "--strategy", own, "--out", "run"])
+    said = capsys.readouterr()
+    assert "NotImplementedError" in said.err
+    assert said.out.replace(f"{own} ", "Own ") == remark
 
 
 def test_options_follow_the_name_of_a_strategy_behind_commas(tmp_path):

@@ -21,6 +21,7 @@ from s2c2a.arm import ArmSpec, load_arm
 from s2c2a.arm.sensors import Camera
 from s2c2a.errors import S2C2AError, StrategyError
 from s2c2a.files.text import parse_toml
+from s2c2a.goals import GoalPart
 from s2c2a.jobs import GivenNetworks
 from s2c2a.strategies import (
     STRATEGIES,
@@ -31,7 +32,6 @@ from s2c2a.strategies import (
     shown_name,
     strategy_named,
 )
-from s2c2a.strategies.options import GoalPart
 from s2c2a_experiments.benchmark.search_space import (
     STRATEGY,
     Value,

@@ -12,10 +12,10 @@ from typing import Literal
 
 from s2c2a import jobs
 from s2c2a.arm import ArmSpec, load_arm, randomized_arm
+from s2c2a.goals import GoalPart
 from s2c2a.models.forward_model import PCCForwardModel
 from s2c2a.planning.reach import Reachability
 from s2c2a.robots import RobotFactory
-from s2c2a.strategies.options import GoalPart
 from s2c2a.tasks import Score, Task, load_task
 from s2c2a.tasks.projection import projected
 from s2c2a_experiments.scenes import drawn_task

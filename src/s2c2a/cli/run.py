@@ -38,7 +38,7 @@ from s2c2a.cli.execution import (
     uses_recipe,
 )
 from s2c2a.cli.reach import arm_of, forward_model_of, has_own_networks, trained_model
-from s2c2a.errors import S2C2AError
+from s2c2a.errors import S2C2AError, listed
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -63,8 +63,8 @@ if TYPE_CHECKING:
 def run(
     task: OptionalFile = None,
     arm: OptionalArm = None,
-    target: Vector = None,
-    axis: Vector = None,
+    target: Vector = (),
+    axis: Vector = (),
     scene: SceneFile = None,
     project: bool = False,
     strategy: StrategyNames = ("s2c2a",),
@@ -151,6 +151,9 @@ def run(
     model = _reach_model(task, spec, weights, session, project, known_payload)
     for text in remarks(paced, spec, by_arcs=model is None):
         print(text)
+    for name in strategy:
+        if ignored := paced.needs.intersection(strategies.strategy_named(name).ignores):
+            print(f"{name} ignores what this task needs: {listed(sorted(ignored))}")
     if model is not None:
         reachability = Reachability(spec, model, known_payload, guard)
         found = projected(paced, spec.length, reachability)
@@ -296,10 +299,10 @@ def _task(
     """
     from s2c2a.tasks import load_scene, paced_task, to_point
 
-    if name is not None and target is None:
+    if name is not None and not target:
         task = paced_task(name, spec, pace)
-    elif target is not None and name is None:
-        task = to_point(spec, target, axis)
+    elif target and name is None:
+        task = to_point(spec, target, axis or None)
     else:
         given = "neither was given" if name is None else "both were given"
         raise S2C2AError(

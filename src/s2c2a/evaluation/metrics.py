@@ -356,10 +356,6 @@ def _shape(episode: Episode, task: Task, _: Score) -> PerStep:
     return 100.0 * curve_distances(points, curve).mean(axis=-1)
 
 
-def _path_length(episode: Episode, _task: Task, _score: Score) -> PerStep:
-    return step_lengths(_tips(episode))
-
-
 _position = _compare_states(position_errors, Task.desired_positions)
 
 METRICS = {
@@ -375,7 +371,7 @@ METRICS = {
     "clearance": Metric("cm", _clearance_of(_tip_path, of_tip=True), _minimum),
     "clearance at steps": Metric("cm", _clearance_of(_tips, of_tip=True), _minimum),
     "clearance of the arm": Metric("cm", _clearance_of(_arm_points), _minimum),
-    "path length": Metric("cm", _path_length, _sum),
+    "path length": Metric("cm", lambda run, *_: step_lengths(_tips(run)), _sum),
     "shape": Metric("cm", _shape, _last_mean),
     "stillness": Metric("cm", _stillness, _maximum),
     "recovery": Metric("s", _recovery, lambda values: values[-1]),

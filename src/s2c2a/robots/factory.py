@@ -134,22 +134,16 @@ class RobotFactory:
         except (S2C2AError, OSError):
             raise
         except Exception as error:  # the class may be a user's own
-            raise S2C2AError(
-                f"{cls.__name__} cannot be made: {type(error).__name__}: {error}"
-                f"{_describe_texts(options)}"
-            ) from error
+            text = f"{cls.__name__} cannot be made: {type(error).__name__}: {error}"
+            # the class may expect numbers
+            texts = [name for name in options if isinstance(options[name], str)]
+            if texts:
+                text += (
+                    f" (text was given for {', '.join(texts)}; annotate the parameter "
+                    "in __init__, such as `gain: float`, to receive a number)"
+                )
+            raise S2C2AError(text) from error
 
     def seeded(self, arm: ArmSpec, seed: int) -> Robot:
         """Create the robot of an arm with a seed, if its class accepts one."""
         return self.make(arm, seed=seed)
-
-
-def _describe_texts(options: Mapping[str, Any]) -> str:
-    """Name the options that reached a failing class as text; it may expect numbers."""
-    texts = [name for name, value in options.items() if isinstance(value, str)]
-    if not texts:
-        return ""
-    return (
-        f" (text was given for {', '.join(texts)}; annotate the parameter in __init__, "
-        "such as `gain: float`, to receive a number)"
-    )

@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar
 
 from jaxtyping import PRNGKeyArray
 
@@ -11,6 +11,7 @@ from s2c2a.arm import ArmSpec
 from s2c2a.data import CollectOptions, Recording
 from s2c2a.errors import StrategyError
 from s2c2a.estimation import EstimationSettings
+from s2c2a.goals import GoalPart
 from s2c2a.planning import Guard
 from s2c2a.plugins.components import Options
 from s2c2a.runtime import Driver
@@ -18,8 +19,6 @@ from s2c2a.strategies.recipe import Recipe
 from s2c2a.strategies.trained import TrainedNetworks
 
 RECIPE_KEYS = frozenset(key.name for key in fields(Recipe))
-GoalPart = Literal["axes", "other ends", "obstacles"]
-"""Parts of goals beside the position of the tip; "other ends" than that of the tip."""
 NetworkProgress = Callable[[str, int, int, float], None]
 """Called with network, epoch, number of epochs, validation loss."""
 
@@ -68,7 +67,8 @@ class StrategyOptions(Options, ABC):
         supports: which options of a run it supports (`RunOptions.check_supported`).
         recipe_keys: which keys of a recipe it uses; by default all. A recipe for a
             strategy that uses none is refused.
-        ignores: which parts of goals it ignores; a comparison leaves tasks with them out.
+        ignores: which parts of goals it ignores: `run` says so, and a comparison leaves
+            tasks with them out.
     """
 
     name: ClassVar[str] = ""

@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import TargetError, counted
-from s2c2a.goals import Goal, preview_stride, previewed
+from s2c2a.goals import Goal, GoalPart, preview_stride, previewed
 from s2c2a.runtime.border import check_goal
 
 PAPER_LENGTH = 0.6  # m; lengths of the protocol are for an arm of this length
@@ -78,6 +78,17 @@ class Task:
         """
         goals = tuple(goal.with_position(position) for position in path)
         return cls(name, goals, scores or (Score("position"),))
+
+    @property
+    def needs(self) -> frozenset[GoalPart]:
+        """Parts of its goals, beside positions of the tip, that are given."""
+        goals = Goal.stacked(self.goals)
+        weights: dict[GoalPart, np.ndarray] = {
+            "axes": goals.axis_weights,
+            "other ends": goals.position_weights[:, :-1],
+            "obstacles": goals.thresholds,
+        }
+        return frozenset(part for part, sizes in weights.items() if sizes.any())
 
     def with_scaled_axis_weights(self, factor: float) -> "Task":
         """The same task with all orientation weights mu_o multiplied by a factor."""
