@@ -10,7 +10,7 @@ from cable_parameters import (  # type: ignore[import-not-found]
 from s2c2a.errors import S2C2AError
 from s2c2a.kinematics import states_from_bends
 from s2c2a.logs import LogMap, import_logs
-from s2c2a.logs.map_changes import other_directions
+from s2c2a.logs.map_changes import other_directions, reversed_modules
 from s2c2a.logs.model_fit import predict_states
 
 from marks import slow_after
@@ -106,3 +106,13 @@ def test_the_direction_that_the_ends_show_is_an_alternative_to_another_one():
     assert [clause for clause, _ in other_directions(map_of(), -up)] == [
         'write frame.along = "-z"'
     ]
+
+
+def test_modules_that_count_from_the_tip_have_the_reversed_order():
+    table = map_of(drives=3).model_dump(mode="json", exclude_unset=True)
+    table["arm"]["modules"] = 3
+    for module, drive in enumerate(table["drives"]):
+        drive["module"] = module
+    table["drives"][2]["module"] = None
+    _, changed = reversed_modules(LogMap.model_validate(table))
+    assert [drive.module for drive in changed.drives] == [2, 1, None]

@@ -284,6 +284,17 @@ def reversed_drives(log_map: LogMap) -> tuple[str, LogMap]:
     return "reverse `positive` of each drive", _with(log_map, drives=drives)
 
 
+def reversed_modules(log_map: LogMap) -> tuple[str, LogMap]:
+    """Clause, and the map in which stated modules of drives count from the other end."""
+    last = log_map.arm.modules - 1
+    drives = tuple(
+        _with(drive, module=None if drive.module is None else last - drive.module)
+        for drive in log_map.drives
+    )
+    clause = "reverse the order of the drives' `module`, which is 0 at the base"
+    return clause, _with(log_map, drives=drives)
+
+
 def other_directions(log_map: LogMap, z: np.ndarray) -> list[tuple[str, LogMap]]:
     """Clause and map with the `along` that the ends show, if another one is stated.
 

@@ -30,6 +30,7 @@ from s2c2a.logs.map_changes import (
     describe_angles,
     other_directions,
     reversed_drives,
+    reversed_modules,
     with_assignment,
 )
 from s2c2a.logs.map_diagnosis import (
@@ -342,12 +343,13 @@ def _diagnose_failure(takes: list[LogTake], rests: np.ndarray, log_map: LogMap) 
     """Sentence that names why a map has no fit; may be empty.
 
     The ends alone show another direction, and effects a single drive; that all signs
-    are wrong shows only if these are right.
+    or modules are wrong shows only if these are right.
     """
+    all_drives = [reversed_drives(log_map), reversed_modules(log_map)]
     return (
         _diagnose_whole(takes, rests, log_map, _shown_directions(takes, log_map))
         or _diagnose_drives(takes, rests, log_map)
-        or _diagnose_whole(takes, rests, log_map, [reversed_drives(log_map)])
+        or _diagnose_whole(takes, rests, log_map, all_drives)
     )
 
 
@@ -375,7 +377,7 @@ def _diagnose_whole(
     explain = _Explanation(fitted[0] if fitted else None, missed)
     read = [from_rests(take, -rests) for take in takes]
     for clause, changed in changes:
-        if changed == log_map:  # no signs are stated
+        if changed == log_map:  # nothing of it is stated
             continue
         held = changed
         if fitted is not None:
