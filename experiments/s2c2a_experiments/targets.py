@@ -11,6 +11,7 @@ from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
 from s2c2a.arm import ArmSpec
+from s2c2a.arm.geometry import interpolated
 from s2c2a.errors import S2C2AError
 from s2c2a.execution.progress import Progress
 from s2c2a.files.text import write_atomically
@@ -19,7 +20,6 @@ from s2c2a.jobs import Artifact, Cache
 from s2c2a.jobs.artifacts import Made, digest_of
 from s2c2a.spaces import AXIS, POSITION
 from s2c2a.tasks import Task, load_task
-from s2c2a.tasks.waypoints import interpolated
 from s2c2a_experiments.true_reach import RestingShape, TrueReach
 
 SEARCH_INTERVAL = 5  # steps of a task between searches; goals between are interpolated

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 import s2c2a
 from cable_layouts import arm_of, layouts
 from s2c2a.arm import ArmGeometry
-from s2c2a.arm.geometry import balanced_pull, cable_matrix
+from s2c2a.arm.geometry import balanced_pull, cable_matrix, interpolated
 from s2c2a.arm.spec import largest_gap_deg
 
 
@@ -134,3 +134,13 @@ def test_plans_of_encoders_may_use_cable_travel_beyond_the_bend_limit(
     }
     geometry = ArmGeometry.of(make_arm(module=module, sensing=sensing))
     np.testing.assert_allclose(geometry.planned_bends, planned * limit)
+
+
+def test_values_between_places_are_on_a_line_and_beyond_them_those_of_the_ends():
+    places = np.array([0.0, 1.0, 3.0])
+    values = np.array([[[0.0, 2.0]], [[1.0, 0.0]], [[5.0, 4.0]]])
+    found = interpolated(np.array([-1.0, 0.5, 2.0, 9.0]), places, values)
+    np.testing.assert_allclose(
+        found, [[[0.0, 2.0]], [[0.5, 1.0]], [[3.0, 2.0]], [[5.0, 4.0]]]
+    )
+    np.testing.assert_array_equal(interpolated(2.0, places, values), found[2])

@@ -283,6 +283,17 @@ def hermite_weights(
     )
 
 
+def interpolated(
+    wanted: Float[np.ndarray, "*wanted"] | float,
+    places: Float[np.ndarray, " places"],
+    values: Float[np.ndarray, "places *shape"],
+) -> Float[np.ndarray, "..."]:
+    """Return values on straight lines between rising places, and the outer ones beyond."""
+    rows = values.reshape(len(values), -1)
+    columns = [np.interp(wanted, places, column) for column in rows.T]
+    return np.stack(columns, axis=-1).reshape(*np.shape(wanted), *values.shape[1:])
+
+
 def body_radii(
     lengths: Sequence[float], radii: Sequence[float], points: int
 ) -> Float[np.ndarray, " points"]:
@@ -299,11 +310,8 @@ def body_radii(
     starts = np.cumsum(lengths) - lengths
     shares = np.arange(1, points + 1) / points
     from_base = starts[:, None] + np.multiply.outer(lengths, shares)
-    return (
-        np.minimum(np.reshape(radii, (-1, 1)), from_base / 2.0)
-        .reshape(-1)
-        .astype(np.float32)
-    )
+    smallest = np.minimum(np.reshape(radii, (-1, 1)), from_base / 2.0)
+    return smallest.reshape(-1).astype(np.float32)
 
 
 def center_line(

@@ -14,6 +14,7 @@ from jaxtyping import Float
 from viser import IcosphereHandle, MeshHandle, SceneApi, SceneNodeDragEvent
 
 from s2c2a.arm import ArmSpec
+from s2c2a.arm.geometry import interpolated
 from s2c2a.live.goals import curve_through
 from s2c2a.live.request import (
     MAX_OBSTACLES,
@@ -307,10 +308,7 @@ class ArmScene:
             return
         samples = np.linspace(0, len(points) - 1, TRAIL_POINTS)
         numbers = np.arange(len(points))
-        coordinates = [
-            np.interp(samples, numbers, values) for values in np.array(points).T
-        ]
-        path = np.stack(coordinates, axis=-1)
+        path = interpolated(samples, numbers, np.array(points))
         line.vertices = threads(path[None], TRAIL_RADIUS * self._size)
 
 

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.arm.geometry import directions_at
 from s2c2a.kinematics import states_from_bends
 from s2c2a.live.page import Survey
 from s2c2a.live.request import Point
@@ -27,8 +28,7 @@ def workspace(arm: ArmSpec) -> Float[np.ndarray, "modules points 3"]:
 
 def bends_of(angles: np.ndarray, directions: np.ndarray) -> Bends:
     """Bend vectors [rad] of bend angles and directions [rad], shape (*batch, 2)."""
-    vectors = np.stack([np.cos(directions), np.sin(directions)], axis=-1)
-    return angles[..., None] * vectors
+    return angles[..., None] * directions_at(directions)
 
 
 def arcs(arm: ArmSpec, bends: Bends) -> States:

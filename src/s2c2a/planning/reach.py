@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.arm.geometry import directions_at
 from s2c2a.arm.spec import warn_of_payload
 from s2c2a.errors import TargetError
 from s2c2a.execution.compilation import compiled
@@ -133,9 +134,8 @@ class RestingArm(NamedTuple):
 
     def states(self, bends: Bends) -> States:
         """States of a shape [m, 1], base frame."""
-        configurations = configurations_from_bends(
-            commanded_part(bends, self.steerable)
-        )
+        commanded = commanded_part(bends, self.steerable)
+        configurations = configurations_from_bends(commanded)
         memory = self.model.start(configurations)
         loaded = self._loaded(configurations, memory)
         return self.model.predict(configurations, memory, loaded)
@@ -250,8 +250,7 @@ def spread_bends(limits: PerModule, count: int) -> Float[np.ndarray, "count modu
     places = (0.5 + np.arange(1, count + 1)[:, None] * slopes) % 1.0
     shares, turns = np.moveaxis(places.reshape(count, -1, 2), -1, 0)
     sizes = limits * np.sqrt(shares)
-    angles = 2.0 * np.pi * turns
-    bends = sizes[..., None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    bends = sizes[..., None] * directions_at(2.0 * np.pi * turns)
     return bends.astype(np.float32)
 
 

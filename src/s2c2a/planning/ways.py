@@ -20,6 +20,7 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from s2c2a.arm import ArmSpec
+from s2c2a.arm.geometry import interpolated
 from s2c2a.execution.compilation import compiled
 from s2c2a.goals import Goal
 from s2c2a.kinematics import norm
@@ -132,11 +133,9 @@ class Way(NamedTuple):
     ) -> tuple[ShapesOf, Float[np.ndarray, "shapes 3"], PerShape]:
         """Shapes, tips and room at places between the knots."""
         places = self.places
-        parts = self.bends.reshape(len(places), -1), self.tips, self.room[:, None]
-        flat = np.concatenate(parts, axis=1)
-        values = np.stack([np.interp(wanted, places, row) for row in flat.T], axis=1)
-        bends = values[:, :-4].reshape(-1, *self.bends.shape[1:])
-        return bends, values[:, -4:-1], values[:, -1]
+        parts = self.bends, self.tips, self.room
+        bends, tips, room = (interpolated(wanted, places, part) for part in parts)
+        return bends, tips, room
 
     @property
     def length(self) -> float:
@@ -366,9 +365,7 @@ def resampled(corners: ShapesOf, count: int) -> ShapesOf:
     steps = np.linalg.norm(np.diff(corners, axis=0), axis=(1, 2))
     places = np.concatenate([[0.0], np.cumsum(steps)])
     wanted = np.linspace(0.0, places[-1], count)
-    flat = corners.reshape(len(corners), -1)
-    columns = [np.interp(wanted, places, column) for column in flat.T]
-    return np.stack(columns, axis=1).reshape(count, *corners.shape[1:])
+    return interpolated(wanted, places, corners)
 
 
 def _points_of_shapes(

@@ -3,6 +3,7 @@
 import numpy as np
 from jaxtyping import Float
 
+from s2c2a.arm.geometry import interpolated
 from s2c2a.spaces import AXIS, States
 
 # s between two measurements; two steps of 10 Hz, beyond which motion is a guess
@@ -41,8 +42,7 @@ def align_states(
             is_between = (times >= moments[0]) & (times <= moments[-1])
             after = np.clip(np.searchsorted(moments, times), 1, len(moments) - 1)
             gaps = moments[after] - moments[after - 1]
-            columns = [np.interp(times, moments, column) for column in frames.T]
-            found = np.stack(columns, axis=-1)
+            found = interpolated(times, moments, frames)
             found[:, AXIS] /= np.linalg.norm(found[:, AXIS], axis=-1, keepdims=True)
             is_close = is_between & (gaps <= MAX_GAP)
             aligned[is_close, module] = found[is_close]

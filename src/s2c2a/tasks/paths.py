@@ -11,11 +11,10 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.arm import ArmSpec
-from s2c2a.arm.geometry import directions_at
+from s2c2a.arm.geometry import directions_at, interpolated
 from s2c2a.planning import Goal
 from s2c2a.tasks.circle import approach_path
 from s2c2a.tasks.task import PAPER_LENGTH, Path, Task
-from s2c2a.tasks.waypoints import interpolated
 
 Shares = Float[np.ndarray, " steps"]
 

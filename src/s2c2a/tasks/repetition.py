@@ -15,12 +15,12 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
+from s2c2a.arm.geometry import interpolated
 from s2c2a.episodes import Episode
 from s2c2a.errors import S2C2AError
 from s2c2a.robots import Robot
 from s2c2a.spaces import POSITION
 from s2c2a.tasks.task import Task
-from s2c2a.tasks.waypoints import interpolated
 
 LEARNING_GAIN = 0.5  # of an error: half of the noise of a measurement at most
 LEAD_TIME = 0.1  # s: a control step at 10 Hz, in which the arm follows its targets

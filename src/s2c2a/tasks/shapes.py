@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.arm.geometry import interpolated
 from s2c2a.errors import TargetError, counted
 from s2c2a.files.tables import parse_rows, read_any_text
 from s2c2a.runtime.border import check_meters
@@ -22,7 +23,6 @@ from s2c2a.tasks.waypoints import (
     MAX_BYTES,
     Waypoints,
     column_units,
-    interpolated,
     load_waypoints,
     read_table,
     waypoints_task,

@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.arm import ArmSpec
+from s2c2a.arm.geometry import interpolated
 from s2c2a.arm.spec import MAX_MODULES
 from s2c2a.errors import MAX_NAME_LENGTH, TargetError
 from s2c2a.files.tables import METERS, SECONDS, parse_number, parse_rows, read_any_text
@@ -285,11 +286,6 @@ def _check_modules(name: str, tracks: Sequence[Waypoints], arm: ArmSpec) -> None
             f"the waypoints of '{name}' name a module of '{arm.name}' twice, by "
             f"{[track.module for track in tracks]}; -1 and {count - 1} are both its tip"
         )
-
-
-def interpolated(times: np.ndarray, knots: np.ndarray, values: np.ndarray):
-    """Piecewise linear interpolation of vectors, shape (times, coordinates)."""
-    return np.stack([np.interp(times, knots, column) for column in values.T], axis=-1)
 
 
 def _extremes(vectors: np.ndarray) -> np.ndarray:

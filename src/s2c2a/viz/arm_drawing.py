@@ -18,6 +18,7 @@ from matplotlib.patches import Circle, Polygon
 from matplotlib.transforms import Bbox
 
 from s2c2a.arm import ArmSpec
+from s2c2a.arm.geometry import directions_at
 from s2c2a.viz.charts import draw_arrow, new_figure, save_figure
 from s2c2a.viz.colors import BASE, FAINT, INK, MUTED, module_colors
 from s2c2a.viz.mesh import COLLAR, DISC_RADIUS
@@ -230,8 +231,7 @@ def _draw_cross_section(
         draw_arrow(axes, (0.0, 0.0), 0.5 * end, MUTED, 0.9, head=8.0)
         _write(axes, 0.65 * end, name, 8)
     for number, angle in enumerate(module.cable_angles_deg, start=1):
-        azimuth = np.deg2rad(angle)
-        place = np.array([np.cos(azimuth), np.sin(azimuth)])
+        place = directions_at(np.deg2rad(angle))
         axes.plot(*place, "o", color=color, markersize=13, mec="white")
         style: dict[str, Any] = {
             "color": "white",

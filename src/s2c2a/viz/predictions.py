@@ -13,6 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PatchCollection
 from matplotlib.patches import Circle
 
+from s2c2a.arm.geometry import interpolated
 from s2c2a.viz.arrays import Series
 from s2c2a.viz.charts import seen
 from s2c2a.viz.colors import darker, pale
@@ -51,8 +52,7 @@ def draw_tube(axes: Axes, trace: Trace, view: View, color: str) -> None:
     columns = np.column_stack([trace.predicted_path, trace.band])
     steps = np.arange(len(columns))
     between = np.linspace(0, len(columns) - 1, max(TUBE_DISCS, len(columns)))
-    values = [np.interp(between, steps, column) for column in columns.T]
-    known = np.stack(values, axis=-1)
+    known = interpolated(between, steps, columns)
     known = known[np.isfinite(known).all(axis=-1)]
     points = np.stack(seen(known, view), axis=-1)
     radii = known[:, 3]

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from s2c2a.arm import ArmSpec, Motor
+from s2c2a.arm.geometry import interpolated
 from s2c2a.arm.sensors import Camera, Inertial
 from s2c2a.robots.simulation.flex import FlexStrips
 from s2c2a.robots.simulation.random_streams import Stream, random_stream
@@ -100,9 +101,8 @@ class CameraView:
         if number < 0 or not is_new or random.random() < camera.lost:
             return {}
         times, states = zip(*self._history, strict=True)
-        columns = np.array(states)[..., POSITION].reshape(len(times), -1).T
-        values = [np.interp(exposure, times, column) for column in columns]
-        positions = np.array(values).reshape(-1, 3)
+        seen = np.array(states)[..., POSITION]
+        positions = interpolated(exposure, np.array(times), seen)
         positions += random.normal(scale=camera.noise, size=positions.shape)
         if camera.sees == "tip":
             positions[:-1] = np.nan
@@ -144,9 +144,8 @@ class MotorCurrents:
     ) -> np.ndarray:
         """Return the measured tensions at the motors [N]."""
         gear_friction = self.winding * self._motor.current_friction
-        return (
-            tensions + gear_friction + random.normal(scale=noise, size=tensions.shape)
-        )
+        errors = random.normal(scale=noise, size=tensions.shape)
+        return tensions + gear_friction + errors
 
 
 class ExtraSensors:
