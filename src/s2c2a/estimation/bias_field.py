@@ -133,12 +133,9 @@ class BiasField(NamedTuple):
             prior: of the payload.
         """
         oldest = jnp.argmax(self.pictures.ages)
-        newest = bends, caused, by_payload, age
-        pictures = Pictures(
-            *(
-                values.at[oldest].set(value)
-                for values, value in zip(self.pictures, newest, strict=True)
-            )
+        newest = Pictures(bends, caused, by_payload, age)
+        pictures = jax.tree.map(
+            lambda values, value: values.at[oldest].set(value), self.pictures, newest
         )
         kept = self._replace(pictures=pictures)
         return jax.lax.cond(

@@ -187,12 +187,8 @@ class ModalTable(NamedTuple):
         tip = linearized.jacobians[-1]
         stiffnesses = float(factors.stiffness) * linearized.stiffnesses
         forces = np.linalg.pinv(tip.T, rcond=AXIAL_CUTOFF) * stiffnesses
-        return cls(
-            jnp.asarray(payloads, jnp.float32),
-            jnp.asarray(np.stack([step.transition for step in steps]), jnp.float32),
-            jnp.asarray(np.stack([step.input for step in steps]), jnp.float32),
-            jnp.asarray(forces, jnp.float32),
-        )
+        parts = payloads, *map(np.stack, zip(*steps, strict=True)), forces
+        return cls(*(jnp.asarray(part, jnp.float32) for part in parts))
 
     def at(self, payload: Scalar) -> tuple[Array, Array]:
         """A and B for a payload [kg], interpolated."""

@@ -17,7 +17,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import TrainingError, counted
-from s2c2a.execution.compilation import compiled
+from s2c2a.execution.compilation import compiled, select
 from s2c2a.files.text import MAX_COUNT, MAX_SEED, is_seed
 from s2c2a.kinematics.bends import Scalar
 from s2c2a.paper import BATCH_SIZE, EPOCHS, LEARNING_RATE
@@ -228,9 +228,7 @@ def _train_epochs(
         )
         validation_loss = weights_loss(weights, validation, None)
         better = validation_loss < carry.best_loss
-        best = jax.tree.map(
-            lambda new, old: jnp.where(better, new, old), weights, carry.best_weights
-        )
+        best = select(better, weights, carry.best_weights)
         best_loss = jnp.minimum(validation_loss, carry.best_loss)
         updated = carry._replace(
             weights=weights,

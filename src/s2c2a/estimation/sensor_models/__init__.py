@@ -55,14 +55,9 @@ def sensor_models_of(
     """
     candidates = [kind.of(arm, model) for kind in SENSOR_MODELS]
     known = [sensor for sensor in candidates if sensor is not None]
-    return (*known, *_formula_sensors(arm), *learned_sensors(arm, networks))
-
-
-def _formula_sensors(arm: ArmSpec) -> list[FormulaSensor]:
-    """Sensors of the user's, whose formula stands in a file that the arm file names."""
-    sensors = []
-    for raw in arm.sensors.raw:
-        if not raw.model:
-            continue
-        sensors.append(FORMULAS.find(raw.model)(raw.name, raw.shape))
-    return sensors
+    formulas = [
+        FORMULAS.find(raw.model)(raw.name, raw.shape)
+        for raw in arm.sensors.raw
+        if raw.model
+    ]
+    return (*known, *formulas, *learned_sensors(arm, networks))

@@ -143,11 +143,8 @@ class SensorModel(eqx.Module):
         """NaN in the shape of every measured value, by its name in a reading."""
 
 
-class FormulaSensor(SensorModel):
-    """A sensor whose values follow from the bends by a formula.
-
-    Name it in the arm file: `[[sensors.raw]]`, `model = "my_sensor.py:MySensor"`. The
-    entry gives name and shape; the class gives formula and noise.
+class NamedSensor(SensorModel):
+    """A sensor that the arm file names.
 
     Attributes:
         name: in readings.
@@ -156,6 +153,17 @@ class FormulaSensor(SensorModel):
 
     name: str = eqx.field(static=True)  # type: ignore[misc]  # set by the arm file
     shape: tuple[int, ...] = eqx.field(static=True)
+
+    def missing(self) -> dict[str, np.ndarray]:
+        return {self.name: np.full(self.shape, np.nan, np.float32)}
+
+
+class FormulaSensor(NamedSensor):
+    """A sensor whose values follow from the bends by a formula.
+
+    Name it in the arm file: `[[sensors.raw]]`, `model = "my_sensor.py:MySensor"`. The
+    entry gives name and shape; the class gives formula and noise.
+    """
 
     @abstractmethod
     def predicted(self, bends: ModuleBends) -> Float[Array, "*shape"]:
@@ -175,9 +183,6 @@ class FormulaSensor(SensorModel):
         predicted, jacobian = with_jacobian(flat, expected.bends)
         residual = measurements[self.name].reshape(-1) - predicted
         return Innovation(residual, jacobian, jnp.full(predicted.shape, self.std))
-
-    def missing(self) -> dict[str, np.ndarray]:
-        return {self.name: np.full(self.shape, np.nan, np.float32)}
 
 
 def with_jacobian(

@@ -19,7 +19,7 @@ from s2c2a.estimation.sensor_models.base import (
     ExpectedState,
     Innovation,
     Measurements,
-    SensorModel,
+    NamedSensor,
     Values,
     with_jacobian,
 )
@@ -79,17 +79,13 @@ class SensorNetwork(eqx.Module):
         return self.scaling.back(self.network(bends))
 
 
-class LearnedSensor(SensorModel):
+class LearnedSensor(NamedSensor):
     """A sensor whose network, bias, drift and hysteresis were learned from a recording.
 
     Attributes:
-        name: in readings.
-        shape: of one measurement.
         network: trained.
     """
 
-    name: str = eqx.field(static=True)  # type: ignore[misc]  # set by the arm file
-    shape: tuple[int, ...] = eqx.field(static=True)
     network: SensorNetwork
 
     @property
@@ -111,9 +107,6 @@ class LearnedSensor(SensorModel):
         lag = play(expected.lag, low, high)
         residual = measurements[self.name].reshape(-1) - lag
         return Innovation(residual, jacobian, NOISE_FACTOR * errors.noise, lag=lag)
-
-    def missing(self) -> dict[str, np.ndarray]:
-        return {self.name: np.full(self.shape, np.nan, np.float32)}
 
 
 def untrained_sensors(arm: ArmSpec, key: PRNGKeyArray) -> dict[str, SensorNetwork]:

@@ -211,11 +211,9 @@ def _with_errors(
     low = np.where(is_known, samples.values, np.inf).min(axis=0)
     high = np.where(is_known, samples.values, -np.inf).max(axis=0)
     noise = np.where(high > low, noise, LARGEST)
+    stds_and_backlash = noise, initial_bias, drift, backlash
     errors = SensorErrors(
-        jnp.asarray(noise, jnp.float32),
-        jnp.asarray(initial_bias, jnp.float32),
-        jnp.asarray(drift, jnp.float32),
-        jnp.asarray(backlash, jnp.float32),
+        *(jnp.asarray(each, jnp.float32) for each in stds_and_backlash)
     )
     center = network.scaling.center + jnp.asarray(mean_bias, jnp.float32)
     scaling = Scaling(center, network.scaling.half_range)
