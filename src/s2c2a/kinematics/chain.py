@@ -49,7 +49,11 @@ def states_from_arcs(
         lateral_compliances: displacement of each end point per unit of that component
             [m/N].
     """
-    ends = arc_ends(bends, lengths)
+    # ends of arcs in their own frames: L (b (1 - cos f) / f^2, sin f / f)
+    squared = squared_norm(bends)
+    lateral = bends * (sinc(squared / 4.0) ** 2 / 2.0)[..., None]
+    shares = jnp.concatenate([lateral, sinc(squared)[..., None]], axis=-1)
+    ends = jnp.multiply(lengths[..., None], shares)
     axes = configurations_from_bends(bends)
     chords = ends / jnp.linalg.norm(ends, axis=-1, keepdims=True)
     batch = bends.shape[:-2]
@@ -115,17 +119,6 @@ def bends_from_states(
     See `configurations_from_states`.
     """
     return bends_from_configurations(configurations_from_states(states))
-
-
-def arc_ends(
-    bends: Float[Numbers, "*batch 2"], lengths: Float[Numbers, "*#batch"]
-) -> Vectors:
-    """Return ends of arcs in their own frames: L (b (1 - cos f) / f^2, sin f / f)."""
-    squared = squared_norm(bends)
-    lateral = bends * (sinc(squared / 4.0) ** 2 / 2.0)[..., None]
-    axial = sinc(squared)[..., None]
-    ends = jnp.concatenate([lateral, axial], axis=-1)
-    return jnp.multiply(lengths[..., None], ends)
 
 
 def rotations_to(axes: Float[Numbers, "*batch 3"]):

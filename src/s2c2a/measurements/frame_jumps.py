@@ -43,15 +43,19 @@ def find_frame_jumps(
     """
     if len(states) < 2 * AROUND:
         return {}
-    shifts = _sudden(states[..., POSITION], times)
-    turns = _sudden(states[..., AXIS], times)
-    known = np.isfinite(shifts).all(axis=-1) & np.isfinite(turns).all(axis=-1)
-    shifts = np.where(known[..., None], shifts, 0.0)
+    durations = np.maximum(np.diff(times), np.finfo(float).eps)[:, None, None]
+    steps = np.diff(states, axis=0)
+    velocities = steps / durations
+    # without the mean velocity before and after
+    usual = durations[1:-1] * (velocities[:-2] + velocities[2:]) / 2
+    sudden = steps[1:-1] - usual
+    known = np.all(np.isfinite(sudden), axis=-1)
+    sudden = np.where(known[..., None], sudden, 0.0)
+    shifts = sudden[..., POSITION]
     common = shifts.sum(axis=1) / np.maximum(known.sum(axis=1), 1)[:, None]
     size = np.linalg.norm(common, axis=-1)
-    durations = _durations(times)
     unequal = np.linalg.norm(shifts - common[:, None], axis=-1)
-    turn = np.linalg.norm(np.where(known[..., None], turns, 0.0), axis=-1)
+    turn = np.linalg.norm(sudden[..., AXIS], axis=-1)
     # a bend of one module turns the end by twice its shift over the module's length
     most = size * states.shape[1] / length
     is_common = (known.sum(axis=1) >= 2) & (turn.max(axis=1) < most)
@@ -59,27 +63,13 @@ def find_frame_jumps(
     noise = np.where(is_common, size, 0.0)
     is_jump = is_common & (size > LEAST * length)
     # faster than the steps before and after: next to a jump is half of it
-    rates = np.pad(size / durations[1:-1], 1, constant_values=np.inf)
+    rates = np.pad(size / durations[1:-1, 0, 0], 1, constant_values=np.inf)
     is_peak = (rates[1:-1] > rates[:-2]) & (rates[1:-1] > rates[2:])
     return {
         int(step) + 2: common[step]
         for step in np.flatnonzero(is_jump & is_peak)
         if _is_unusual(noise, int(step))
     }
-
-
-def _durations(times: Times) -> Float[np.ndarray, " steps"]:
-    return np.maximum(np.diff(times), np.finfo(float).eps)
-
-
-def _sudden(
-    values: Float[np.ndarray, "rows modules 3"], times: Times
-) -> Float[np.ndarray, "steps modules 3"]:
-    """Steps between rows, without the mean velocity before and after."""
-    durations = _durations(times)[:, None, None]
-    steps = np.diff(values, axis=0)
-    velocities = steps / durations
-    return steps[1:-1] - durations[1:-1] * (velocities[:-2] + velocities[2:]) / 2
 
 
 def _is_unusual(noise: Float[np.ndarray, " steps"], step: int) -> bool:

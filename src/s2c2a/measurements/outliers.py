@@ -5,7 +5,7 @@ and with its neighbors in time: a true error grows and decays in several rows. P
 are only repeated are found before (`measurements.frozen_ends`), so that they calibrate nothing.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import NamedTuple
@@ -133,7 +133,8 @@ def find_outliers(
     measured = np.isfinite(ends.positions).all(axis=-1)
     poses = np.concatenate([ends.positions, ends.axes], axis=-1)
     columns = [
-        find_frozen(ends.drives, pose, ends.stretches) for pose in _channels(poses)
+        find_frozen(ends.drives, pose, ends.stretches)
+        for pose in np.swapaxes(poses, 0, 1)
     ]
     frozen = np.stack(columns, axis=1)
     ends = ends.without(frozen)
@@ -170,11 +171,6 @@ def find_outliers(
     return Outliers(frozen, is_jump, swaps, lengths, measured)
 
 
-def _channels(values: EndVectors) -> Iterator[np.ndarray]:
-    """Values of each end, shape (rows, 3)."""
-    return iter(np.swapaxes(values, 0, 1))
-
-
 def _spread(values: Points) -> float:
     """Median distance from the center [m]; zero without known values."""
     known = values[np.isfinite(values).all(axis=1)]
@@ -188,7 +184,7 @@ def _predict(ends: MeasuredEnds, values: EndVectors) -> EndVectors:
     """Robust regression on the drives; NaN where too few rows are known."""
     predicted = np.full(values.shape, np.nan)
     has_drives = np.isfinite(ends.drives).all(axis=1)
-    for end, channel in enumerate(_channels(values)):
+    for end, channel in enumerate(np.swapaxes(values, 0, 1)):
         known = np.isfinite(channel).all(axis=1) & has_drives
         if known.sum() >= MIN_ROWS:
             features = _features(ends.drives[has_drives], int(known.sum()))
@@ -232,7 +228,7 @@ def _find_jumps(values: EndVectors, predicted: EndVectors, least: float) -> Pose
         least: smallest error of an outlier.
     """
     is_jump = np.zeros(values.shape[:2], bool)
-    for end, channel in enumerate(_channels(values)):
+    for end, channel in enumerate(np.swapaxes(values, 0, 1)):
         residuals = channel - predicted[:, end]
         known = np.isfinite(residuals).all(axis=1)
         places = channel[known]
