@@ -115,12 +115,11 @@ def run_with_trust(
     trusted: tuple[tuple[str, Path | None], ...],
     function: Callable[..., Result],
     *args: Any,
-    **kwargs: Any,
 ) -> Result:
     """Call a function on a worker that trusts what the parent process trusts."""
     for name, folder in trusted:
         trust_code(name, folder=folder)
-    return function(*args, **kwargs)
+    return function(*args)
 
 
 def resolve(kind: str, name: str, known: Mapping[str, Any]) -> Any:

@@ -18,7 +18,7 @@ from s2c2a.errors import ControllerError, RobotError, S2C2AError
 from s2c2a.goals import Goal
 from s2c2a.plugins.immutable import immutable
 from s2c2a.robots import Robot
-from s2c2a.runtime.border import attribute, described, named_errors
+from s2c2a.runtime.border import attribute, named_errors
 from s2c2a.runtime.clock import Clock
 from s2c2a.runtime.driver import Driver
 from s2c2a.runtime.record import OWN_COLUMNS
@@ -52,13 +52,9 @@ class _Checked:
         self, method: str, *arguments: Any, read: Callable[[Any], Any] | None = None
     ) -> Any:
         """Call a method; what reads its answer may fail by what it finds there."""
-        try:
+        with self._errors(method):
             answer = getattr(self._part, method)(*arguments)
             return answer if read is None else read(answer)
-        except S2C2AError:
-            raise
-        except Exception as error:
-            raise self.error(method, described(error)) from error
 
     def _errors(self, method: str) -> AbstractContextManager[None]:
         return named_errors(self._error_type, self._failure(method))

@@ -7,6 +7,7 @@ from functools import partial
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import S2C2AError, TargetError
 from s2c2a.plugins.discovery import resolve, trust_code
+from s2c2a.runtime.border import named_errors
 from s2c2a.tasks.circle import HELD, circle, hold_and_turn, hold_base, tilt
 from s2c2a.tasks.lines import REACH, flee, follow, reach
 from s2c2a.tasks.paths import PATHS, path
@@ -94,15 +95,8 @@ def load_task(name: str, arm: ArmSpec) -> Task:
         build = resolve("task", name, TASKS)
     except S2C2AError as error:
         raise TargetError(f"{error}, or a file of waypoints ending in .csv") from error
-    try:
+    with named_errors(TargetError, f"the task '{name}' cannot be made for {arm.name}"):
         task = build(arm)
-    except S2C2AError:
-        raise
-    except Exception as error:  # a custom function may raise anything
-        raise TargetError(
-            f"the task '{name}' cannot be made for {arm.name}: "
-            f"{type(error).__name__}: {error}"
-        ) from error
     if not isinstance(task, Task):
         raise TargetError(
             f"the task '{name}' made {task!r}; its function takes an arm and returns a "
