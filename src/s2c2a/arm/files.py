@@ -99,11 +99,7 @@ def save_arm(arm: ArmSpec, path: str | os.PathLike, overwrite: bool = False) -> 
     Raises:
         ArmError: the file exists and `overwrite` is false, or it cannot be written.
     """
-    if Path(path).exists() and not overwrite:
-        raise ArmError(
-            f"{path} exists; choose another name or overwrite it (--overwrite)"
-        )
-    check_replaceable(path, ENDING, ArmError)
+    check_replaceable(path, ENDING, ArmError, overwrite)
     write_atomically(arm_to_toml(arm), path, ArmError)
 
 

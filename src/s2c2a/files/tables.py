@@ -140,21 +140,16 @@ def is_comment(line: str) -> bool:
 
 def find_delimiter(sample: Sequence[str]) -> str:
     """The delimiter that gives most numbers in rows as long as the first one, or longer."""
-    scores = {",": 0.0}
+    scores = dict.fromkeys(DELIMITERS, -1.0) | {",": 0.0}
     for delimiter in DELIMITERS:
         rows = list(_split(sample, delimiter))
         width = len(rows[0]) if rows else 0
         if width < 2:
             continue
-        values = 0
-        cells = 0
-        for row in rows:
-            cells += len(row)
-            if len(row) >= width:
-                values += sum(is_value(cell, delimiter != ",") for cell in row)
-        scores[delimiter] = values / cells
-    order = [each for each in DELIMITERS if each in scores]
-    return max(order, key=scores.__getitem__)
+        whole = [cell for row in rows if len(row) >= width for cell in row]
+        values = sum(is_value(cell, delimiter != ",") for cell in whole)
+        scores[delimiter] = values / sum(map(len, rows))
+    return max(DELIMITERS, key=scores.__getitem__)
 
 
 def split_rows(

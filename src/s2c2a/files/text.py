@@ -207,7 +207,10 @@ def _walk(folder: Path) -> Iterator[Path]:
 
 
 def check_replaceable(
-    path: str | os.PathLike, ending: str, fault: type[S2C2AError] = S2C2AError
+    path: str | os.PathLike,
+    ending: str,
+    fault: type[S2C2AError] = S2C2AError,
+    overwrite: bool = True,
 ) -> None:
     """Refuse to replace a file of another kind, such as a text that a typo names.
 
@@ -215,10 +218,16 @@ def check_replaceable(
         path: of the file, which need not exist.
         ending: of the kind that is written, such as ".toml".
         fault: class of the exception.
+        overwrite: whether it may be replaced at all.
 
     Raises:
-        S2C2AError: the file exists and has another ending.
+        S2C2AError: the file exists and has another ending, or is not to be replaced.
     """
+    if os.path.exists(path) and not overwrite:
+        raise fault(
+            f"{path} exists; add --overwrite (in Python overwrite=True), or choose "
+            "another name"
+        )
     if Path(path).suffix != ending and os.path.lexists(path):
         raise fault(
             f"{path} exists and does not end in {ending}; --overwrite replaces only "

@@ -49,14 +49,8 @@ def check_new_networks(path: str | os.PathLike, overwrite: bool) -> None:
     Raises:
         StrategyError: the file exists and is not to be replaced, or is of another kind.
     """
-    file = Path(path)
-    if file.exists() and not overwrite:
-        raise StrategyError(
-            f"{file} exists; add --overwrite (in Python overwrite=True), or choose "
-            "another name"
-        )
-    check_replaceable(file, ENDING, StrategyError)
-    file.parent.mkdir(parents=True, exist_ok=True)
+    check_replaceable(path, ENDING, StrategyError, overwrite)
+    Path(path).parent.mkdir(parents=True, exist_ok=True)
 
 
 def save_networks(networks: TrainedNetworks, path: str | os.PathLike) -> None:

@@ -70,11 +70,7 @@ def identify(
     from s2c2a import data
     from s2c2a.logs import identification
 
-    if out.exists() and not overwrite:
-        raise ArmError(
-            f"{out} exists; choose another name or overwrite it (--overwrite)"
-        )
-    check_replaceable(out, ".toml", ArmError)
+    check_replaceable(out, ".toml", ArmError, overwrite)
     groups = fit or identification.USUAL
     start = identification.with_default_starts(load_arm(arm), groups)
     recorded = data.load_recording(recording)
