@@ -393,11 +393,10 @@ def _report(runs: "Sequence[jobs.Run]", directory: Path, title: str) -> None:
         evaluation.describe_tracking,
     )
     for run in runs:
-        for describe in describe_all:
-            if text := describe(run.episode):
-                print(f"{run.strategy}, seed {run.seed}: {text}")
+        texts = [describe(run.episode) for describe in describe_all]
         if run.earlier:
-            text = jobs.describe_repetitions(run)
+            texts.append(jobs.describe_repetitions(run))
+        for text in filter(None, texts):
             print(f"{run.strategy}, seed {run.seed}: {text}")
     for row in rows:
         if row.metric == "position":

@@ -63,11 +63,8 @@ class Recording:
     @property
     def sensors(self) -> list[str]:
         """Names of the sensors that every episode has."""
-        common = []
-        for name in self.episodes[0].sensors:
-            if all(name in episode.sensors for episode in self.episodes):
-                common.append(name)
-        return common
+        by_episode = (set(episode.sensors) for episode in self.episodes)
+        return sorted(set.intersection(*by_episode))
 
     def sensor(self, name: str) -> np.ndarray:
         """Values of a sensor, shape (episodes, samples, ...).

@@ -71,12 +71,7 @@ class Coverage:
             speeds.append(changes.max(axis=-1) / np.diff(episode["time"]))
             if "states" in values:
                 tips.append(values["states"][:, -1, POSITION].astype(float))
-        return cls(
-            arm,
-            _finite_rows(np.concatenate(bends)),
-            _finite_rows(np.concatenate(speeds)),
-            _finite_rows(np.concatenate(tips)),
-        )
+        return cls(arm, *map(_finite_rows, (bends, speeds, tips)))
 
     @property
     def limits(self) -> Float[np.ndarray, " modules"]:
@@ -154,7 +149,8 @@ class Coverage:
         return np.asarray(commanded_part(limits[:, None] * points, steerable))
 
 
-def _finite_rows(values: np.ndarray) -> np.ndarray:
+def _finite_rows(parts: Sequence[np.ndarray]) -> np.ndarray:
+    values = np.concatenate(parts)
     axes = tuple(range(1, values.ndim))
     return values[np.isfinite(values).all(axis=axes)]
 

@@ -1,6 +1,6 @@
 """Networks to start from: a prior over randomized arms."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from s2c2a import strategies
 from s2c2a.arm import randomized_arm
@@ -52,13 +52,8 @@ class PriorNetworks(Networks):
         recordings = []
         for seed in range(FIRST_SEED, FIRST_SEED + self.arms):
             arm = randomized_arm(self.arm, seed, self.strength)
-            options = CollectOptions(
-                self.recipe.babbling,
-                self.episodes,
-                self.samples,
-                seed,
-                self.recipe.speeds,
-            )
+            usual = self.recipe.collect_options(seed)
+            options = replace(usual, episodes=self.episodes, samples=self.samples)
             recordings.append(RecordingArtifact(arm, options))
         return tuple(recordings)
 

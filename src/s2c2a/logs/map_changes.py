@@ -1,6 +1,6 @@
 """Single changes of a map under which its statements equal what a log shows."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any
@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from s2c2a.arm.geometry import directions_at
 from s2c2a.logs.cable_model import tilt_rotation
 from s2c2a.logs.cable_search import Assignment
 from s2c2a.logs.log_map import LogMap
@@ -57,9 +58,7 @@ class Identified:
         """Values of a fit to ends divided by a scale, in an order."""
         parameters = fit.parameters
         axes = axes @ np.asarray(tilt_rotation(parameters.tilt))
-        angles = np.asarray(parameters.angles)
-        directions = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-        across = directions @ axes[:, :2].T
+        across = directions_at(np.asarray(parameters.angles)) @ axes[:, :2].T
         return cls(
             assignment.modules,
             assignment.signs,
@@ -241,11 +240,7 @@ def _module_changes(found: Identified, log_map: LogMap) -> Iterator[str]:
     for drive, module in zip(log_map.drives, found.modules, strict=True):
         if drive.module is not None:
             order.setdefault(drive.module, int(module))
-    drives = tuple(
-        _with(drive, module=None if drive.module is None else order[drive.module])
-        for drive in log_map.drives
-    )
-    changed = _with(log_map, drives=drives)
+    changed = _renumbered(log_map, order)
     wrong = sorted(old for old, new in order.items() if old != new)
     if wrong and _agrees(found, changed):
         yield "write " + ", ".join(
@@ -286,13 +281,16 @@ def reversed_drives(log_map: LogMap) -> tuple[str, LogMap]:
 
 def reversed_modules(log_map: LogMap) -> tuple[str, LogMap]:
     """Clause, and the map in which stated modules of drives count from the other end."""
-    last = log_map.arm.modules - 1
-    drives = tuple(
-        _with(drive, module=None if drive.module is None else last - drive.module)
-        for drive in log_map.drives
-    )
+    modules = range(log_map.arm.modules)
+    numbers = dict(zip(modules, reversed(modules), strict=True))
     clause = "reverse the order of the drives' `module`, which is 0 at the base"
-    return clause, _with(log_map, drives=drives)
+    return clause, _renumbered(log_map, numbers)
+
+
+def _renumbered(log_map: LogMap, numbers: Mapping[Any, int]) -> LogMap:
+    """The map with other numbers of the drives' modules, where they are stated."""
+    drives = [_with(each, module=numbers.get(each.module)) for each in log_map.drives]
+    return _with(log_map, drives=tuple(drives))
 
 
 def other_directions(log_map: LogMap, z: np.ndarray) -> list[tuple[str, LogMap]]:

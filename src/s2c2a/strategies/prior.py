@@ -67,13 +67,9 @@ def _every_nth_episode(data: TrainingData, count: int) -> TrainingData:
     """At most so many episodes, from all arms in turn."""
     step = max(1, len(data.states) // count)
     chosen = slice(0, step * count, step)
-    lengths = data.lengths
-    displacements = data.displacements
-    return replace(
-        data,
-        sensed=data.sensed[chosen],
-        actions=data.actions[chosen],
-        states=data.states[chosen],
-        lengths=None if lengths is None else lengths[chosen],
-        displacements=None if displacements is None else displacements[chosen],
-    )
+    by_episode = {
+        name: values[chosen]
+        for name, values in vars(data).items()
+        if name != "arm" and values is not None
+    }
+    return replace(data, **by_episode)

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
 from scipy.ndimage import distance_transform_edt, gaussian_filter
+from scipy.spatial.transform import Rotation
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.arm.geometry import center_line, name_of_end
@@ -19,9 +20,9 @@ from s2c2a.viz.colors import DESIRED, INK, MUTED, REAL, module_colors, pale
 from s2c2a.viz.mounting import View
 
 GAP = 0.04  # of the arm's length, chosen by eye: narrower gaps are no holes
-# turns about the axis [rad] that positions are repeated at, between directions of the
-# table; gravity changes positions by millimeters over them
-TURNS = np.deg2rad(np.arange(-12, 13, 4))
+# turns about the axis that positions are repeated at, between directions of the table;
+# gravity changes positions by millimeters over them
+TURNS = Rotation.from_euler("z", np.arange(-12, 13, 4), degrees=True)
 
 
 def reach_figure(
@@ -76,14 +77,7 @@ def _draw_regions(
     """Draw the projection of all ends, and those beside the only target."""
     label = f"{name_of_end(arm, module)} at rest"
     # points with their copies, turned about the base's z axis
-    x, y, z = ends.T
-    cosines, sines = np.cos(TURNS)[:, None], np.sin(TURNS)[:, None]
-    turned = [
-        cosines * x - sines * y,
-        sines * x + cosines * y,
-        np.tile(z, (*TURNS.shape, 1)),
-    ]
-    ends = np.stack(turned, axis=-1).reshape(-1, 3)
+    ends = np.concatenate([turn.apply(ends) for turn in TURNS])
     _draw_region(axes, ends[:, view], arm.length, pale(REAL, 0.86), label)
     if len(goals.positions) > 1:
         return
