@@ -1,6 +1,7 @@
 """An arm moves slowly to a goal that rests, and the more slowly, the less it helps."""
 
 from dataclasses import replace
+from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -31,8 +32,8 @@ STRAIGHT = jnp.tile(jnp.array([0.0, 0.0, 1.0]), (3, 1))
 TIP = Goal.of(3).with_position([0.0, 0.0, 0.5])
 
 
-def step(rest, gaps, ahead, goal=TIP):
-    return rest.after(ahead, gaps, BENT, goal, TWIN, 1)
+def step(rest, gaps, ahead, goal=TIP, is_seen=True):
+    return rest.after(ahead, gaps, is_seen, BENT, goal, TWIN, 1)
 
 
 @pytest.fixture(scope="module")
@@ -134,6 +135,15 @@ def test_an_arm_that_was_pushed_is_trusted_anew(after):
     pushed = windows(after, 0.01, 0.01, 0.01, 0.03)
     assert float(pushed.trust) == 1.0
     assert float(pushed.smallest) == pytest.approx(0.03)
+
+
+def test_predicted_gaps_that_come_back_are_trusted_less_until_the_arm_was_there():
+    after = jax.jit(partial(step, is_seen=False))
+    sway = [0.03, 0.01] * 4
+    trusts = [float(windows(after, *sway[: 2 * n + 1]).trust) for n in range(4)]
+    assert trusts == [1.0, 1.0, 0.5, 0.25]
+    there = 0.9 * THERE * TWIN.length
+    assert float(windows(after, *sway, there, 0.03).trust) > 0.5
 
 
 def test_an_arm_that_sees_nothing_becomes_slower(after):

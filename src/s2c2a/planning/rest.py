@@ -42,6 +42,8 @@ class Rest(NamedTuple):
         step: longest change of a module's bend in a control step [rad].
         trust: in commands: share of the gap that they may take; halved by each window
             that has not narrowed the smallest gap.
+        fresh: trust in commands to a gap that is new; halved by each that is predicted
+            before the arm was at its goal, so that no sway goes on for ever.
         is_slow: whether the goal rests, and the plan has arrived or had its time.
         smallest: gap in a window so far, since something has changed [m].
         gaps: sum of the gaps between ends and goal in this window [m].
@@ -54,6 +56,7 @@ class Rest(NamedTuple):
 
     step: Scalar
     trust: Scalar
+    fresh: Scalar
     is_slow: Truth
     smallest: Scalar
     gaps: Float[Array, "modules 3"]
@@ -70,7 +73,7 @@ class Rest(NamedTuple):
         gaps = jnp.zeros((arm.module_count, 3))
         one, zero = jnp.ones(()), jnp.zeros((), jnp.int32)
         window = gaps, jnp.zeros(2), zero, zero
-        return cls(limit, one, zero > 0, one * jnp.inf, *window, zero, gaps[:, :2])
+        return cls(limit, one, one, zero > 0, one * jnp.inf, *window, zero, gaps[:, :2])
 
     @property
     def is_overloaded(self) -> Truth:
@@ -81,6 +84,7 @@ class Rest(NamedTuple):
         self,
         ahead: Scalar,
         gaps: Float[Array, "2 modules 3"],
+        is_seen: bool,
         bends: Bends,
         goal: Goal,
         arm: ArmSpec,
@@ -92,6 +96,7 @@ class Rest(NamedTuple):
             ahead: largest change of a module's bend to the end of the horizon [rad].
             gaps: between ends and goal, and between ends and those of arcs without a
                 load [m]; NaN if nothing was seen.
+            is_seen: whether a camera sees the ends; gaps are predictions without one.
             bends: that are planned [rad].
             goal: that rests; a straight arm to the farthest end with a goal is the lever
                 of steps, and they go on where a direction is desired, which is not seen.
@@ -122,8 +127,10 @@ class Rest(NamedTuple):
         is_new = gap > 2.0 * jnp.maximum(self.smallest, there)
         is_new |= jnp.isinf(self.smallest) & (now.judged > 0)
         narrows = gap < (1.0 - FALL) * self.smallest
-        trust = jnp.minimum(jnp.where(narrows, 2.0, 0.5) * self.trust, 1.0)
-        trust = jnp.where(is_new, 1.0, jnp.maximum(trust, STILL))
+        trust = jnp.minimum(jnp.where(narrows, 2.0, 0.5) * self.trust, self.fresh)
+        trust = jnp.maximum(jnp.where(is_new, self.fresh, trust), STILL)
+        is_doubtful = is_new & jnp.isfinite(self.smallest) & (not is_seen)
+        fresh = jnp.where(is_doubtful, 0.5, 1.0) * self.fresh
         least = STILL**2 * slow
         reaches = np.cumsum(ArmGeometry.of(arm).lengths)
         reach = jnp.max((goal.position_weights > 0.0) * reaches)
@@ -141,6 +148,7 @@ class Rest(NamedTuple):
         later = none._replace(
             step=jnp.where(fallen > 1, slow, step),
             trust=trust,
+            fresh=jnp.where(gap < there, 1.0, fresh),
             is_slow=is_slow,
             smallest=jnp.where(is_new, gap, jnp.minimum(self.smallest, gap)),
             fallen=fallen,
