@@ -120,3 +120,14 @@ def test_other_arms_are_learned_too(make_arm, modules, cables, changes):
     model = train(arm, options=replace(OPTIONS, max_epochs=3, epochs_per_call=3))
     assert np.isfinite(model.curve).all()
     assert model.percent[0] < 4.0
+
+
+def test_beyond_its_data_the_physics_predict(make_arm):
+    arm = make_arm(2)
+    sensed, states = synthetic(arm)
+    near = np.abs(sensed[..., :2]).max(axis=(2, 3)) < 0.3
+    hidden = np.where(near[..., None, None], states, np.nan)
+    model = SIZE.train(of(arm, sensed, hidden), OPTIONS, jax.random.key(0)).network
+    predicted = SIZE.predictions(model, of(arm, sensed, states))
+    errors = np.linalg.norm((predicted - states)[:, :, -1, :3], axis=-1)
+    assert errors[~near].mean() < 0.0025  # 5.2 mm if all is trained at once

@@ -26,8 +26,8 @@ DAMPING = 1e-3  # of the normal matrix, in squared units
 LARGEST_STEP = 0.5  # shares of the full bend
 EVENNESS = 0.03  # weight of bend differences [1/rad]
 LIMIT_WEIGHT = 3.0  # of bends beyond the full bend
-UNIT = 0.4  # of the arm's length; unit of position errors
-TOLERANCE = 0.3  # of a plan's position error, in `UNIT`; a larger one failed
+LENGTH_UNIT = 0.4  # of the arm's length; unit of position errors
+TOLERANCE = 0.3  # of a plan's position error, in `LENGTH_UNIT`; a larger one failed
 LEAST_GAIN = 0.7  # smallest share of a full commanded bend that the arm bends
 CANDIDATES = 20  # positions of which one is chosen
 CELL = 0.05  # of the arm's length: cells of positions that are equally likely
@@ -105,9 +105,9 @@ def _solve(
         steerable: see `ArmGeometry`.
 
     Returns:
-        Bends in shares of the full bend, and position errors in `UNIT`.
+        Bends in shares of the full bend, and position errors in `LENGTH_UNIT`.
     """
-    unit = UNIT * jnp.sum(lengths)
+    unit = LENGTH_UNIT * jnp.sum(lengths)
 
     def residuals(flat: Array, position: Array, full: Array) -> Array:
         shares = commanded_part(flat.reshape(-1, 2), steerable)

@@ -28,7 +28,6 @@ from s2c2a.models.forward_model import ForwardModel, Stiffnesses
 from s2c2a.models.statics import SWEEPS, Equilibrium, StaticState
 from s2c2a.models.trunk import Trunk
 
-LENGTH_UNIT = 0.4  # of the arm's length: scale of position errors
 BEND_UNIT = 0.5  # rad; scales the inputs of the network to about one
 BEND_CORRECTION_UNIT = 0.2  # rad; scale of the network's bends
 END_CORRECTION_UNIT = 0.1  # of a module's length; scale of the network's end points

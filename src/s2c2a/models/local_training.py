@@ -15,10 +15,12 @@ import numpy as np
 from jaxtyping import Float, PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
+from s2c2a.data.nominal_plans import LENGTH_UNIT
 from s2c2a.data.windows import APART, Samples, Split, forward_samples, known_samples
 from s2c2a.models.arrays import FeatureRows, OutputRows
-from s2c2a.models.chain import LENGTH_UNIT, ChainC2S
+from s2c2a.models.chain import ChainC2S
 from s2c2a.models.chain_training import (
+    FEW_EPOCHS,
     ChainOptions,
     along_inputs,
     hysteresis_inputs,
@@ -41,8 +43,10 @@ Part = tuple[FeatureRows, OutputRows]
 FULL_BEND = 0.82  # rad; largest bend of the data for which `play_widths` hold
 MIN_REACH = 1e-3  # rad; for recordings with little motion
 HELD_OUT = "held-out samples"
+SURE = 1.0
+"""Standard errors by which a process, or a free network, has to reduce squared errors: of
+pure noise, no process does, and free networks err more beyond the data."""
 NOISES = (1.0, 3.0, 10.0)  # over that of samples that the chain has seen
-RIDGE = 0.01  # leaves physics alone; on `opencr_v4`, 0.001 and 0.1 err alike
 
 
 @dataclass(frozen=True)
@@ -79,28 +83,24 @@ class LocalOptions(ChainOptions):
         key: PRNGKeyArray,
         progress: TrainingProgress = quiet,
     ) -> Trained[LocalC2S]:
-        """See `ForwardOptions`: chains, then their residuals, then all samples.
+        """See `ForwardOptions`: the chain, then its residual, then all samples.
 
         Samples that a chain has seen show nothing of its errors. So the hyperparameters
-        of the process, and whether it and the network have any use, are of chains that
-        have not seen all.
+        of the process, and whether it and a free network have any use, are of chains
+        that have not seen all.
         """
         options = self._chain_options(data)
-        # physics alone have few parameters
-        fewer = shortened(fit, 1 / 2)
         total = 2 * fit.max_epochs
-        judged = {}
-        for ridge, epochs, report in (
-            (0.0, fit, part_of(progress, 0, total)),
-            (RIDGE, fewer, quiet),
-        ):
-            trained = options.train(data, epochs, key, report, ridge)
-            judged[ridge] = self._with_process(trained, data, key)
-        ridge = min(judged, key=lambda each: judged[each].errors.get(HELD_OUT, 0.0))
-        best = judged[ridge]
-        chain = best.network.chain
+        bound = options.train(data, fit, key, part_of(progress, 0, total))
+        fewer = shortened(fit, FEW_EPOCHS)
+        free = options.train_freely(bound.network, data, fewer, key)
+        judged = [self._with_process(each, data, key) for each in (bound, free)]
+        (best, errors), (other, others) = judged
+        is_free = is_smaller(others, errors, SURE)
+        best = other if is_free else best
         second = part_of(progress, fit.max_epochs, total)
-        whole = options.train_on_all(chain, data, fit, key, second, ridge)
+        chain = best.network.chain
+        whole = options.train_on_all(chain, data, fit, key, second, is_free)
         inputs = hysteresis_inputs(whole, data)
         model = replace(best.network, chain=whole)
         network = _given(model, known_samples(inputs, data.states, data.lengths))
@@ -130,7 +130,7 @@ class LocalOptions(ChainOptions):
     ) -> Trained[LocalC2S]:
         """See `ForwardOptions`: the chain first, then its residual."""
         chain = super().resume_training(model.chain, spread, data, fit, key, progress)
-        trained = self._with_process(chain, data, key)
+        trained, _ = self._with_process(chain, data, key)
         # plans may also use the region of the prior's data
         network = replace(trained.network, region=model.region)
         return replace(trained, network=network)
@@ -154,11 +154,14 @@ class LocalOptions(ChainOptions):
 
     def _with_process(
         self, result: Trained[ChainC2S], data: TrainingData, key: PRNGKeyArray
-    ) -> Trained[LocalC2S]:
+    ) -> tuple[Trained[LocalC2S], OutputRows]:
         """A trained chain with a process of its residual, if it predicts better with it.
 
         Samples that the chain has not seen, half of them unseen by the process, too,
         decide. They also give the deviation and the error that are stated.
+
+        Returns:
+            Chain and process, and their errors on these samples.
         """
         blank = replace(self.untrained(data.arm, key), chain=result.network)
         inputs = hysteresis_inputs(result.network, data)
@@ -176,7 +179,8 @@ class LocalOptions(ChainOptions):
         unseen = _given(model, Samples.joined([split.training, split.validation]))
         trained = evaluated(unseen, result.curve, predicted_targets, split)
         network = self._with_region(model, split)
-        return replace(trained, network=network, errors=best.tip_errors)
+        trained = replace(trained, network=network, errors=best.tip_errors)
+        return trained, best.errors
 
     def _with_region(self, model: LocalC2S, split: Split) -> LocalC2S:
         """The model with the region of the training samples."""
@@ -193,24 +197,31 @@ class _Judgment(NamedTuple):
     """Chain and process on samples that they have not seen.
 
     Attributes:
-        process: with the deviations of these samples as its scale; without samples if it
-            does not surely reduce the squared error (`is_smaller`).
+        process: with the deviations of these samples as its scale.
+        errors: in units of the outputs, shape (samples, outputs).
         tip_errors: mean error of the tip [m]; empty if it is unknown.
         surprise: sum over outputs of the mean negative log likelihood, without constants.
     """
 
     process: ResidualProcess
+    errors: OutputRows
     tip_errors: dict[str, float]
     surprise: float
 
 
 def _judged(model: LocalC2S, split: Split) -> _Judgment:
-    """Judge chain and process, with the noise that makes held-out samples the likeliest."""
+    """Judge chain and process, with the noise that makes held-out samples the likeliest.
+
+    The chain predicts alone unless the process reduces its squared error.
+    """
     parts = [(_features(model, part), _residual(model, part)) for part in split.parts]
     fitted = model.process
+    sizes = len(fitted.center), len(fitted.scale), len(fitted.points)
+    alone = _judge(ResidualProcess.none(*sizes), parts, model.unit)
     noises = [replace(fitted, noise=each * fitted.noise) for each in NOISES]
     judged = [_judge(process, parts, model.unit) for process in noises]
-    return min(judged, key=attrgetter("surprise"))
+    better = [each for each in judged if is_smaller(each.errors, alone.errors, SURE)]
+    return min([alone, *better], key=attrgetter("surprise"))
 
 
 def _judge(process: ResidualProcess, parts: Sequence[Part], unit: float) -> _Judgment:
@@ -224,32 +235,27 @@ def _judge(process: ResidualProcess, parts: Sequence[Part], unit: float) -> _Jud
         unit: of the residuals of positions [m].
     """
     training, *held_out = parts
-    means = []
+    remaining = []
     deviations = []
-    for (features, _), other in zip(held_out, held_out[::-1], strict=True):
+    for (features, residual), other in zip(held_out, held_out[::-1], strict=True):
         given = process.given(*map(np.concatenate, zip(training, other, strict=True)))
-        means.append(np.asarray(given(jnp.asarray(features, jnp.float32))))
+        mean = np.asarray(given(jnp.asarray(features, jnp.float32)))
+        remaining.append(residual - mean)
         deviations.append(given.deviations(features))
-    without = np.concatenate([residual for _, residual in held_out])
-    remaining = without - np.concatenate(means)
+    errors = np.concatenate(remaining)
     deviation = np.concatenate(deviations)[:, None]
-    if not (process.is_fitted and is_smaller(remaining, without)):
-        process = ResidualProcess.none(
-            len(process.center), len(process.scale), len(process.points)
-        )
-        remaining, deviation = without, np.ones_like(deviation)
-    relative = remaining / deviation
+    relative = errors / deviation
     known = np.isfinite(relative)
     squares = np.where(known, relative, 0.0) ** 2
     scale = np.sqrt(squares.sum(axis=0) / np.maximum(known.sum(axis=0), 1))
-    ends = remaining.reshape(len(remaining), -1, 6)[:, -1, POSITION]
+    ends = errors.reshape(len(errors), -1, 6)[:, -1, POSITION]
     distances = unit * np.linalg.norm(ends, axis=-1)
     seen = distances[np.isfinite(distances)]
     tip_errors = {HELD_OUT: float(seen.mean())} if len(seen) else {}
     known_scales = scale[scale > 0.0]
     surprise = len(known_scales) * np.log(deviation).mean() + np.log(known_scales).sum()
     process = replace(process, scale=jnp.asarray(scale, jnp.float32))
-    return _Judgment(process, tip_errors, float(surprise))
+    return _Judgment(process, errors, tip_errors, float(surprise))
 
 
 def _given(model: LocalC2S, samples: Samples) -> LocalC2S:
@@ -261,8 +267,9 @@ def _given(model: LocalC2S, samples: Samples) -> LocalC2S:
 def is_smaller(
     errors: Float[np.ndarray, "samples *outputs"],
     others: Float[np.ndarray, "samples *outputs"],
+    sure: float,
 ) -> bool:
-    """Whether errors are smaller by two standard errors, as by chance in one of 40 cases.
+    """Whether squared errors are smaller, by so many standard errors as are `sure`.
 
     Blocks of samples count once, since neighbors in time are alike.
     """
@@ -270,7 +277,7 @@ def is_smaller(
     blocks = np.array_split(gains, max(2, len(gains) // GAP))
     means = [block.mean() for block in blocks]
     standard_error = np.std(means, ddof=1) / np.sqrt(len(means))
-    return bool(np.mean(means) > 2.0 * standard_error)
+    return bool(np.mean(means) > sure * standard_error)
 
 
 def _kinds(chain: ChainC2S) -> Float[np.ndarray, "features kinds"]:

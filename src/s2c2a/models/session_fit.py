@@ -133,7 +133,7 @@ def fit_session(
 
     def is_better(found: np.ndarray) -> bool:
         shown = found[seen]
-        return is_smaller(shown, without[seen]) and is_smaller(shown, motion)
+        return is_smaller(shown, without[seen], 2.0) and is_smaller(shown, motion, 2.0)
 
     posterior = fit.posterior(np.ones_like(seen), inflation, duration)
     change = posterior.change
