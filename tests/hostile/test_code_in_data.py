@@ -19,7 +19,8 @@ from s2c2a.cli.main import main
 from s2c2a.data import load_recording
 from s2c2a.episodes import load_episodes, save_episodes
 from s2c2a.errors import S2C2AError, UntrustedCodeError
-from s2c2a.estimation import KalmanFilter, configuration_map_for, sensor_models
+from s2c2a.estimation import KalmanFilter, configuration_map_for
+from s2c2a.estimation.sensor_models import sensor_models_of
 from s2c2a.execution.executors import submit
 from s2c2a.lab.tracking import tracker_of
 from s2c2a.logs.arm_file import CableLayout, format_arm
@@ -27,6 +28,7 @@ from s2c2a.logs.cable_model import CableParameters
 from s2c2a.logs.cable_search import Assignment
 from s2c2a.logs.log_map import LogMap
 from s2c2a.logs.model_fit import CableFit
+from s2c2a.models.forward_model import PCCForwardModel
 from s2c2a.plugins.components import CustomComponent, Registry
 from s2c2a.plugins.discovery import GROUPS, resolve, trust_code
 from s2c2a.robots import RobotFactory
@@ -146,7 +148,10 @@ def with_tracking(arm: ArmSpec, name: str) -> ArmSpec:
 
 USES = {
     "sensing": (with_sensing, configuration_map_for),
-    "sensors.raw": (with_raw_sensor, sensor_models._formula_sensors),
+    "sensors.raw": (
+        with_raw_sensor,
+        lambda arm: sensor_models_of(arm, PCCForwardModel.of(arm), {}),
+    ),
     "tracking": (with_tracking, lambda arm: tracker_of(arm.tracking.source)),
 }
 """Names of code in an arm: how the arm has it, and what would import it."""

@@ -301,8 +301,7 @@ def _diagnose_drives(
     takes: list[LogTake],
     rests: np.ndarray,
     log_map: LogMap,
-    fit: CableFit | None = None,
-    missed: float = np.inf,
+    known: _Fitted | None = None,
 ) -> str:
     """Sentence that names the drives of which one is wrong in the map; may be empty.
 
@@ -310,8 +309,7 @@ def _diagnose_drives(
         takes: takes whose drives count from their rests.
         rests: these rests.
         log_map: the map.
-        fit: with the map as given; None if it has failed.
-        missed: share of the motion that it misses.
+        known: fit with the map as given; None if it has failed.
     """
     try:
         _, observations, _ = _observe(takes, log_map)
@@ -319,7 +317,7 @@ def _diagnose_drives(
         return ""
     if fault := excess_travel(observations, log_map):
         return fault
-    explain = _Explanation(fit, missed)
+    explain = _Explanation(known)
     clause, rescaled = foreign_units(observations, log_map)
     for factors in rescaled:
         scaled = [
@@ -365,8 +363,7 @@ def _diagnose_whole(
     rests: np.ndarray,
     log_map: LogMap,
     changes: Sequence[tuple[str, LogMap]],
-    fitted: tuple[CableFit, Assignment] | None = None,
-    missed: float = np.inf,
+    known: _Fitted | None = None,
 ) -> str:
     """Sentence on the signs of all drives, or `along`; empty if they are not at fault.
 
@@ -374,14 +371,12 @@ def _diagnose_whole(
     own start. Modules and coupling of a fit hold for other signs and directions, too:
     an alternative takes a tenth of the time of the search that found them.
     """
-    explain = _Explanation(fitted[0] if fitted else None, missed)
+    explain = _Explanation(known)
     read = [from_rests(take, -rests) for take in takes]
     for clause, changed in changes:
         if changed == log_map:  # nothing of it is stated
             continue
-        held = changed
-        if fitted is not None:
-            held = with_assignment(changed, fitted[1])
+        held = with_assignment(changed, known.assignment) if known else changed
         # the arm is straight in other rows if it points elsewhere
         for others in possible_rests(read, held):
             rested = [from_rests(take, others) for take in read]
@@ -392,9 +387,9 @@ def _diagnose_whole(
 class _Explanation:
     """Changed maps that explain a log clearly better; see `_diagnose_drives`."""
 
-    def __init__(self, fit: CableFit | None, missed: float):
-        self._fit = fit
-        self._missed = missed
+    def __init__(self, known: _Fitted | None):
+        self._known = known
+        self._missed = missed_share(known.fit, known.observations) if known else np.inf
         self._found: list[tuple[float, str, float]] = []
 
     def tries(
@@ -410,7 +405,7 @@ class _Explanation:
             return False
         share = missed_share(fit, fitted.observations)
         # other cables can make up for one of another unit, at the cost of odd numbers
-        is_better = self._fit is None or fit.cost < CLEARLY * self._fit.cost
+        is_better = self._known is None or fit.cost < CLEARLY * self._known.fit.cost
         does = share < MOST and (is_better or share < CLEARLY * self._missed)
         if does:
             self._found.append((fit.cost, clause, share))
@@ -426,8 +421,7 @@ class _Explanation:
             clause for cost, clause, _ in self._found if AMBIGUOUS_RATIO * cost <= least
         )
         doubt = "; the log does not tell which" if len(clauses) > 1 else ""
-        is_fitted = np.isfinite(self._missed)
-        before = f", not {100 * self._missed:.0f} %" if is_fitted else ""
+        before = f", not {100 * self._missed:.0f} %" if self._known else ""
         return (
             f"{CONTRADICTION}{', or '.join(clauses)}{doubt}; the model then misses "
             f"{100 * share:.0f} % of the motion{before} (nothing was changed)"
@@ -471,9 +465,8 @@ def _describe(fitted: _Fitted, log_map: LogMap, arm: ArmSpec | None) -> Imported
             reversed_drives(log_map),
             *_shown_directions(fitted.takes, log_map),
         ]
-        known = fit, assignment
         diagnosis = _diagnose_whole(
-            fitted.takes, fitted.rests, log_map, changes, known, missed
+            fitted.takes, fitted.rests, log_map, changes, fitted
         )
     contradictions = [describe_contradictions(fit.parameters, observations)]
     if not diagnosis and missed < POOR:  # angles of a poor fit mean nothing
@@ -482,7 +475,7 @@ def _describe(fitted: _Fitted, log_map: LogMap, arm: ArmSpec | None) -> Imported
     # a drive of another unit hardly moves, or lets others seem to
     still = still_drives(observations.columns, log_map)
     if not diagnosis and (missed > POOR or unusual or still):
-        diagnosis = _diagnose_drives(fitted.takes, fitted.rests, log_map, fit, missed)
+        diagnosis = _diagnose_drives(fitted.takes, fitted.rests, log_map, fitted)
     poor_fit = ""
     if not diagnosis:
         poor_fit = describe_poor_fit(segments.takes, log_map, given, fitted.start)
