@@ -3,7 +3,6 @@
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 
 import equinox as eqx
 import jax
@@ -138,7 +137,9 @@ def _along_episodes(
     model: ForwardModel, data: TrainingData, output: Output
 ) -> np.ndarray:
     """An output of the model at every sample of all episodes."""
-    run = eqx.filter_jit(partial(along_episode, output=output))
+    run = eqx.filter_jit(
+        lambda model, sensed: along_episode(lambda _: model, sensed, sensed, output)
+    )
     episodes = jnp.asarray(data.sensed, jnp.float32)
     return np.stack([run(model, sensed) for sensed in episodes])
 

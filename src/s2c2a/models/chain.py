@@ -171,7 +171,7 @@ class ChainC2S(ForwardModel):
 
     def _slack(self, displacements: Actions) -> Actions:
         """Displacements of cables that are longer than at the training."""
-        return displacements + self.body.slack[:, None]
+        return displacements + self.body.slack
 
     def states(
         self, inputs: Inputs, disturbances: Disturbances | None = None

@@ -1,6 +1,7 @@
 """The interface of forward models (C2S), and the constant-curvature model."""
 
 from abc import abstractmethod
+from collections.abc import Callable
 from typing import Any, Literal
 
 import equinox as eqx
@@ -163,16 +164,28 @@ Output = Literal["predict", "predictive_std"]
 
 
 def along_episode(
-    model: ForwardModel,
+    model_at: Callable[[Array], ForwardModel],
     sensed: Float[Array, "samples modules 3"],
+    given: Float[Array, "samples ..."],
     output: Output = "predict",
 ) -> Float[Array, "samples ..."]:
-    """An output of a model at every sample of an episode from rest, with its memory."""
+    """An output of a model at every sample of an episode from rest, with its memory.
 
-    def step(memory: Memory, now: Array) -> tuple[Memory, Array]:
-        return model.observe(now, memory), getattr(model, output)(now, memory)
+    Args:
+        model_at: the model, from what is given at a sample.
+        sensed: configurations.
+        given: to `model_at`.
+        output: name of the method.
+    """
 
-    return jax.lax.scan(step, model.start(sensed[0]), sensed)[1]
+    def step(memory: Memory, now: tuple[Array, Array]) -> tuple[Memory, Array]:
+        configurations, moment = now
+        model = model_at(moment)
+        after = model.observe(configurations, memory)
+        return after, getattr(model, output)(configurations, memory)
+
+    start = model_at(given[0]).start(sensed[0])
+    return jax.lax.scan(step, start, (sensed, given))[1]
 
 
 class MemorylessModel(ForwardModel):

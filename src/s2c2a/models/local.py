@@ -126,7 +126,7 @@ class LocalC2S(WrappedModel):
         of_ends = self.unit * jnp.sqrt(jnp.sum(scales**2, axis=-1))
         near = jnp.sqrt(variance)[..., None] * of_ends
         modules = jnp.arange(1, len(self.chain.body.lengths) + 1)
-        sensed = inputs[..., 0, :] - self.chain.body.slack[:, None]
+        sensed = inputs[..., 0, :] - self.chain.body.slack
         beyond = self._extrapolation_at(sensed)[..., None]
         return jnp.hypot(near, beyond * modules / len(modules))
 

@@ -18,6 +18,7 @@ from s2c2a.kinematics.bends import (
     sinc,
     squared_norm,
 )
+from s2c2a.models.arrays import Actions
 from s2c2a.models.disturbances import Disturbances
 from s2c2a.models.forward_model import (
     Configurations,
@@ -84,15 +85,26 @@ class SessionC2S(WrappedModel):
 
     @classmethod
     def of(
-        cls, model: ForwardModel, change: DayChange, error: float = 0.0
+        cls,
+        model: ForwardModel,
+        change: DayChange,
+        error: float = 0.0,
+        beyond: Actions | float = 0.0,
     ) -> "SessionC2S":
-        """A model after a change; one without a trunk has neither slack nor softness."""
+        """A model after a change; one without a trunk has neither slack nor softness.
+
+        Args:
+            model: of the training.
+            change: since then.
+            error: see the class.
+            beyond: what cables move beyond the sensed bends, over their radius [rad].
+        """
 
         def on_the_day(part):
             if not isinstance(part, Trunk):
                 return part
-            softness = jnp.exp(change.softness)
-            return replace(part, slack=change.slack, softness=softness)
+            slack = change.slack[:, None] + beyond
+            return replace(part, slack=slack, softness=jnp.exp(change.softness))
 
         trained = jax.tree.map(
             on_the_day, model, is_leaf=lambda part: isinstance(part, Trunk)

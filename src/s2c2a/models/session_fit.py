@@ -28,6 +28,7 @@ from s2c2a.models.forward_model import ForwardModel, along_episode
 from s2c2a.models.local_training import is_smaller
 from s2c2a.models.residual_process import GAP
 from s2c2a.models.session import DayChange, SessionC2S
+from s2c2a.models.trunk import Trunk
 from s2c2a.spaces import AXIS, POSITION
 from s2c2a.training import TrainingData
 
@@ -194,7 +195,7 @@ class _Residuals:
     """
 
     def __init__(self, model: ForwardModel, data: TrainingData):
-        self._sensed = jnp.asarray(data.sensed, jnp.float32)
+        sensed = jnp.asarray(data.sensed, jnp.float32)
         self._states = np.array(data.states, np.float32)
         for episode, length in enumerate(data.lengths or ()):
             self._states[episode, length:] = np.nan
@@ -206,8 +207,9 @@ class _Residuals:
             raise RecordingError("sensed configurations are missing in this recording")
         flat, self._as_change = ravel_pytree(_scales(data.arm))
         self._scales = np.asarray(flat)
-        self._predict = partial(_predict, model=model, sensed=self._sensed)
-        self._slopes = partial(_slopes, model=model, sensed=self._sensed)
+        given = {"model": model, "sensed": sensed, "beyond": beyond_bends(data)}
+        self._predict = partial(_predict, **given)
+        self._slopes = partial(_slopes, **given)
         self._start = self._likeliest()
 
     def posterior(
@@ -342,16 +344,26 @@ def register(places: Points, seen: Points) -> tuple[Vector, Vector]:
     return shift, turn.as_rotvec()
 
 
+def beyond_bends(data: TrainingData) -> Float[Array, "episodes samples modules cables"]:
+    """What cables move beyond the sensed bends, such as together, over their radius [rad]."""
+    sensed = jnp.asarray(data.sensed, jnp.float32)
+    if data.displacements is None:
+        return jnp.zeros((*sensed.shape[:-1], 1))
+    of_bends = Trunk.of(data.arm).displacements(sensed)
+    return jnp.asarray(data.displacements, jnp.float32) - of_bends
+
+
 @eqx.filter_jit
 def _predict(
     numbers: Array,
     model: ForwardModel,
     sensed: Float[Array, "episodes samples modules 3"],
+    beyond: Float[Array, "episodes samples modules _"],
 ) -> Float[Array, "episodes samples modules 6"]:
     """States of every sample after a change, given as its numbers."""
     as_change = ravel_pytree(DayChange.none(sensed.shape[-2]))[1]
-    changed = SessionC2S.of(model, as_change(numbers))
-    return jax.vmap(partial(along_episode, changed))(sensed)
+    at = partial(SessionC2S.of, model, as_change(numbers), 0.0)
+    return jax.vmap(partial(along_episode, at))(sensed, beyond)
 
 
 _slopes = eqx.filter_jit(jax.jacfwd(_predict))

@@ -32,8 +32,8 @@ class Trunk(FromArm):
         lateral_compliances: deflection of module ends under a lateral force at fixed
             axes, C L^2 / 12 [m/N], shape (modules,).
         gravity: [m/s2], base frame.
-        slack: length by which all cables of a module are longer than at the training,
-            over their radius [rad], shape (modules,).
+        slack: length by which cables are longer than at the training, over their radius
+            [rad], shape (modules, cables), or (modules, 1) if all of a module are.
         softness: bending compliance over that at the training, shape (modules,).
     """
 
@@ -47,7 +47,7 @@ class Trunk(FromArm):
     weights: PerModule
     lateral_compliances: PerModule
     gravity: Float[Array, "3"]
-    slack: PerModule
+    slack: Float[Array, "modules _"]
     softness: PerModule
 
     @classmethod
@@ -68,7 +68,7 @@ class Trunk(FromArm):
             (masses[:-1] + masses[1:]) / 2.0,
             compliances * geometry.lengths**2 / 12.0,
             np.asarray(arm.gravity),
-            np.zeros(arm.module_count),
+            np.zeros((arm.module_count, 1)),
             np.ones(arm.module_count),
         )
         return cls(*(jax.device_put(np.asarray(array, np.float32)) for array in arrays))
