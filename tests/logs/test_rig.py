@@ -9,7 +9,7 @@ from simulated_logs import record, write_log  # type: ignore[import-not-found]
 
 from s2c2a.logs import import_logs, import_take, map_from_toml, summary
 from s2c2a.logs.errors import LogError
-from s2c2a.logs.rig import Rig, find_similar_rows
+from s2c2a.logs.rig import Rig
 
 
 @pytest.fixture(scope="module")
@@ -95,21 +95,8 @@ def test_a_recording_without_a_valid_rig_is_refused(change, first):
         import_take([log.path], map_from_toml(log.map), with_rig(recording, rig))
 
 
-def test_rows_with_similar_cables_show_that_a_camera_has_moved():
-    random = np.random.default_rng(0)
-    cables = random.normal(size=(200, 2, 3))
-    tips = random.normal(size=(200, 3))
-    offset = np.array([0.0, 0.0, 0.01])
-    similar = find_similar_rows(cables, tips + offset, cables[::-1], tips[::-1])
-    expected = np.tile(offset, (len(similar.displacement), 1))
-    np.testing.assert_allclose(similar.displacement, expected, atol=1e-9)
-    assert similar.cables.max() == 0.0
-
-
 def test_takes_without_a_measured_tip_are_not_compared(first):
     log, recording = first
     take = import_take([log.path], map_from_toml(log.map), recording)
-    cables = np.zeros((4, 3, 3))
-    empty = find_similar_rows(cables, np.full((4, 3), np.nan), cables, np.zeros((4, 3)))
-    lines = summary.take_summary(replace(take, similar=empty, change=None))
+    lines = summary.take_summary(replace(take, change=None))
     assert "cannot be checked" in lines[-1]

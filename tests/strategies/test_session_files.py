@@ -84,7 +84,7 @@ def states_after(networks, data):
     def states(change, noise):
         model = SessionC2S.of(networks.c2s, change)
         sensed = jnp.asarray(data.sensed[0], jnp.float32)
-        states = np.asarray(along_episode(model, sensed))
+        states = np.asarray(along_episode(lambda _: model, sensed, sensed))
         return states + np.random.default_rng(0).normal(scale=noise, size=states.shape)
 
     return states
@@ -218,6 +218,18 @@ def test_cables_and_stiffness_change_what_a_model_of_them_predicts(
         model = SessionC2S.of(networks.c2s, change)
         states.append(np.asarray(model.predict(sensed, model.start(sensed))))
     assert np.linalg.norm(states[1][-1, :3] - states[0][-1, :3]) > 1e-3
+
+
+def test_cables_that_pull_together_are_no_change(networks, data):
+    sensed = jnp.asarray(data.sensed, jnp.float32)
+    own = np.asarray(networks.c2s.body.displacements(sensed))
+    together = 0.1 * np.sin(np.arange(own.shape[1]) / 7.0)
+    pulled = replace(data, displacements=own + together[:, None, None])
+    states = networks.recipe.c2s.predictions(networks.c2s, pulled)
+    noise = np.random.default_rng(0).normal(scale=5e-4, size=states.shape)
+    fit = fit_session(networks.c2s, replace(pulled, states=states + noise))
+    assert fit.before < 1e-3
+    assert not fit.improves
 
 
 def test_a_session_finds_modules_that_have_become_softer(

@@ -52,9 +52,7 @@ from s2c2a.logs.rests import from_rests, possible_rests
 from s2c2a.logs.rig import (
     KEY,
     Rig,
-    SimilarRows,
     check_arm,
-    find_similar_rows,
     transform_states,
 )
 from s2c2a.logs.rotation_changes import (
@@ -506,7 +504,6 @@ class ImportedTake:
     Attributes:
         episodes: episodes, base frame.
         rig: rig of the first take.
-        similar: rows whose cables are most similar to those of the first take.
         change: what explains the difference from the first take; None if too few
             rows can be compared.
         at_rest: whether every row is a pose at rest.
@@ -515,7 +512,6 @@ class ImportedTake:
 
     episodes: tuple[Episode, ...]
     rig: Rig
-    similar: SimilarRows
     change: TakeChange | None
     at_rest: bool
     segments: Segments
@@ -551,13 +547,8 @@ def import_take(
             "without --like"
         )
     first_cables, first_positions = _cables_and_ends(first.episodes)
-    similar = find_similar_rows(
-        cables, positions[:, -1], first_cables, first_positions[:, -1]
-    )
     change = find_change(cables, positions, first_cables, first_positions, first.arm)
-    return ImportedTake(
-        episodes, rig, similar, change, log_map.rows.kind == "steps", segments
-    )
+    return ImportedTake(episodes, rig, change, log_map.rows.kind == "steps", segments)
 
 
 def _cables_and_ends(episodes: Sequence[Episode]) -> tuple[np.ndarray, np.ndarray]:

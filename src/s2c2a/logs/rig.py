@@ -4,12 +4,11 @@ An import identifies the rig and stores it in its recording; another take of the
 arm is converted with the same rig.
 """
 
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 import numpy as np
 from jaxtyping import Float
 from pydantic import Field, ValidationError, model_validator
-from scipy.spatial import KDTree
 
 from s2c2a.arm import ArmSpec
 from s2c2a.data import Recording
@@ -19,9 +18,6 @@ from s2c2a.logs.tables import list_names
 from s2c2a.logs.take import drive_scale
 
 KEY = "rig"
-# share of the rows that are compared with another take: those with the most similar
-# cables
-NEAREST_SHARE = 0.1
 DriveIndex = Annotated[int, Field(ge=0, lt=MAX_CABLES)]
 
 
@@ -152,47 +148,6 @@ def _check_equal(name: str, in_map: object, in_arm: object) -> None:
             f"{name}: {in_map} in the map, {in_arm} in the arm or recording; "
             "correct one of them"
         )
-
-
-class SimilarRows(NamedTuple):
-    """Rows of a take whose cables are most similar to those of the first take.
-
-    Attributes:
-        displacement: displacement of the tip from the first take [m], base frame,
-            shape (rows, 3).
-        cables: rms difference of the cables' displacements [m] or tensions [N], shape
-            (rows,).
-    """
-
-    displacement: Float[np.ndarray, "rows 3"]
-    cables: Float[np.ndarray, " rows"]
-
-
-def find_similar_rows(
-    cables: Float[np.ndarray, "rows modules cables"],
-    tips: Float[np.ndarray, "rows 3"],
-    first_cables: Float[np.ndarray, "others modules cables"],
-    first_tips: Float[np.ndarray, "others 3"],
-) -> SimilarRows:
-    """Compare a take with the first one; empty if one of them has no tip."""
-    cables, tips = _complete_rows(cables, tips)
-    first_cables, first_tips = _complete_rows(first_cables, first_tips)
-    if not len(cables) or not len(first_cables):
-        return SimilarRows(np.zeros((0, 3)), np.zeros(0))
-    distances, rows = KDTree(first_cables).query(cables)
-    near = distances <= np.quantile(distances, NEAREST_SHARE)
-    displacement = (tips - first_tips[rows])[near]
-    return SimilarRows(displacement, distances[near] / np.sqrt(cables.shape[1]))
-
-
-def _complete_rows(
-    cables: np.ndarray, tips: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Rows in which cables, flattened, and the tip are known."""
-    flat = cables.reshape(len(cables), -1)
-    are_cables_known = np.isfinite(flat).all(axis=-1)
-    known = np.isfinite(tips).all(axis=-1) & are_cables_known
-    return flat[known], tips[known]
 
 
 def _scales(log_map: LogMap) -> tuple[float, ...]:

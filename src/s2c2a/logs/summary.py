@@ -8,15 +8,8 @@ from s2c2a.errors import counted
 from s2c2a.logs.command_range import describe_range
 from s2c2a.logs.map_diagnosis import MOST, rms_motion
 from s2c2a.logs.pipeline import Imported, ImportedTake
-from s2c2a.logs.rig import SimilarRows
-from s2c2a.logs.take_change import describe_change
+from s2c2a.logs.take_change import TakeChange, describe_change
 from s2c2a.spaces import POSITION
-
-SHOWN_UNITS = {
-    "displacement": ("mm", 1e3),
-    "tension": ("N", 1.0),
-    "pressure": ("kPa", 1e-3),
-}
 
 
 def cable_rows(imported: Imported) -> Iterator[tuple[str, ...]]:
@@ -106,27 +99,26 @@ def take_summary(take: ImportedTake) -> list[str]:
         *_describe_episodes(take),
         *describe_range(take.episodes),
         "frame and cables: as in the first recording",
-        _describe_offset(take.similar, take.episodes[0].arm.actuation),
+        _describe_offset(take.change),
         *([describe_change(take.change)] if take.change else []),
     ]
 
 
-def _describe_offset(similar: SimilarRows, actuation: str) -> str:
-    count = len(similar.displacement)
-    if not count:
+def _describe_offset(change: TakeChange | None) -> str:
+    tips = np.zeros((0, 3)) if change is None else change.tips
+    tips = tips[np.isfinite(tips).all(axis=-1)]
+    if not len(tips):
         return (
             "offset of the tip: unknown, because the two takes do not both measure "
-            "the tip; whether a camera or motor has moved cannot be checked"
+            "the tip in enough steps with similar cables; whether a camera or motor "
+            "has moved cannot be checked"
         )
-    unit, scale = SHOWN_UNITS[actuation]
-    cables = scale * np.median(similar.cables)
-    distance = 1e3 * np.median(np.linalg.norm(similar.displacement, axis=-1))
-    offset = _vector(1e3 * np.median(similar.displacement, axis=0), 1)
+    distance = 1e3 * np.median(np.linalg.norm(tips, axis=-1))
+    offset = _vector(1e3 * np.median(tips, axis=0), 1)
     return (
-        f"offset of the tip: in the {counted(count, 'step')} with the most similar "
-        f"cables, within {cables:.2g} {unit} (median), the tip is {distance:.1f} mm "
-        f"from where it was then (median; {offset} mm in the base frame), with "
-        "vibration and hysteresis"
+        f"offset of the tip: in {counted(len(tips), 'step')} with similar cables, the tip "
+        f"is {distance:.1f} mm from where the first recording has it (median; {offset} mm "
+        "in the base frame), with vibration and hysteresis"
     )
 
 

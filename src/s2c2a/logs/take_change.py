@@ -58,6 +58,7 @@ class TakeChange(NamedTuple):
             that explain the difference instead, root mean square [m].
         rigid_error: mean displacement that shift and rotation leave [m].
         offset_error: the same of the offsets.
+        tips: displacements of the tip in rows with similar cables [m]; NaN: unknown.
     """
 
     shift: Float[np.ndarray, "3"]
@@ -68,6 +69,7 @@ class TakeChange(NamedTuple):
     offset_motion: float
     rigid_error: float
     offset_error: float
+    tips: Float[np.ndarray, "rows 3"]
 
     @property
     def may_be_homing(self) -> bool:
@@ -173,6 +175,7 @@ def _explain(
         float(motion),
         rigid_error,
         offset_error,
+        displacements[:, -1],
     )
 
 
