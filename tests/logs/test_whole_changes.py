@@ -16,7 +16,7 @@ from s2c2a.logs.model_fit import predict_states
 from marks import slow_after
 
 
-def map_of(positive="pulls", along="z", drives=3, **drive):
+def map_of(positive="pulls", along="z", drives=3, length=0.2, **drive):
     """Map of one module, with free angles and a free turn about its axis."""
     entries = [
         {"commanded": f"c{index}", "unit": "free", "positive": positive, **drive}
@@ -29,7 +29,7 @@ def map_of(positive="pulls", along="z", drives=3, **drive):
                 "name": "arm",
                 "modules": 1,
                 "control_rate": 5,
-                "length": 0.2,
+                "length": length,
                 "cable_radius": 0.01,
             },
             "frame": {"along": along},
@@ -81,6 +81,7 @@ def outcome(log, log_map):
             ({"positive": "releases"}, "reverse `positive` of each drive"),
             ({"along": "-z"}, 'write frame.along = "z"'),
             ({"along": "x"}, 'write frame.along = "z"'),
+            ({"length": 0.6}, "correct arm.length"),
             ({"along": "y"}, 'write frame.along = "z"'),
         ],
     ),

@@ -293,6 +293,12 @@ def _renumbered(log_map: LogMap, numbers: Mapping[Any, int]) -> LogMap:
     return _with(log_map, drives=tuple(drives))
 
 
+def unstated_lengths(log_map: LogMap) -> tuple[str, LogMap]:
+    """Clause, and the map that leaves the lengths of modules to the log."""
+    arm = _with(log_map.arm, length=None, lengths=None)
+    return "correct arm.length or arm.lengths, or leave it out", _with(log_map, arm=arm)
+
+
 def other_directions(log_map: LogMap, z: np.ndarray) -> list[tuple[str, LogMap]]:
     """Clause and map with the `along` that the ends show, if another one is stated.
 

@@ -31,6 +31,7 @@ from s2c2a.logs.map_changes import (
     other_directions,
     reversed_drives,
     reversed_modules,
+    unstated_lengths,
     with_assignment,
 )
 from s2c2a.logs.map_diagnosis import (
@@ -176,7 +177,8 @@ def import_logs(
             if fault := _diagnose_failure(fitted.takes, fitted.rests, log_map):
                 raise LogError(fault) from error
             sentence = diagnose(fitted.takes, log_map, None)
-            raise LogError(f"{error}\n{sentence}".strip()) from error
+            advice = "check what the map states of the arm, or state its arm.lengths"
+            raise LogError(f"{error}\n{sentence or advice}") from error
     except S2C2AError as error:
         sentence = _diagnose_rotations(tables, log_map, read)
         if sentence:
@@ -461,6 +463,7 @@ def _describe(fitted: _Fitted, log_map: LogMap, arm: ArmSpec | None) -> Imported
     if not diagnosis:
         changes = [
             reversed_drives(log_map),
+            unstated_lengths(log_map),
             *_shown_directions(fitted.takes, log_map),
         ]
         diagnosis = _diagnose_whole(
