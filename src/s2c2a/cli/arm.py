@@ -3,10 +3,8 @@
 import re
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
-import tyro
 from tyro.extras import SubcommandApp
 
 from s2c2a.arm import (
@@ -20,7 +18,7 @@ from s2c2a.arm import (
 )
 from s2c2a.arm.geometry import ArmGeometry, cables_present, per_module, per_unit_of_pull
 from s2c2a.arm.spec import REQUIRED
-from s2c2a.cli.console import Arm, File, OptionalPath, print_table
+from s2c2a.cli.console import Arm, File, GivenPath, OptionalPath, print_table
 from s2c2a.cli.emergency import emergency_controls
 from s2c2a.cli.execution import (
     RobotName,
@@ -29,7 +27,6 @@ from s2c2a.cli.execution import (
     robot_factory_for,
 )
 
-NewFile = tyro.conf.Positional[Annotated[Path, tyro.conf.arg(metavar="FILE")]]
 USUAL_FREQUENCIES = (0.2, 20.0)  # Hz, for a remark alone: periods of 0.05 to 5 s
 USUAL_DAMPING = 0.03  # for a remark alone: 1 Hz then fades in 5 s
 
@@ -160,7 +157,7 @@ def draw(arm: File, out: OptionalPath = None) -> None:
 
 
 @app.command
-def copy(arm: File, out: NewFile, overwrite: bool = False) -> None:
+def copy(arm: File, out: GivenPath, overwrite: bool = False) -> None:
     """Copy an arm to a new arm file, named after the file, to edit it there.
 
     Args:

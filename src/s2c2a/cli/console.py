@@ -35,6 +35,7 @@ File = tyro.conf.Positional[
     Annotated[str, tyro.conf.arg(metavar="NAME|FILE", help=_ARM)]
 ]
 
+GivenPath = tyro.conf.Positional[Annotated[Path, tyro.conf.arg(metavar="FILE")]]
 OptionalFile = tyro.conf.Positional[
     Annotated[str | None, tyro.conf.arg(metavar="NAME|FILE")]
 ]

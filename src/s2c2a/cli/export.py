@@ -10,7 +10,7 @@ import numpy as np
 import tyro
 
 from s2c2a.arm import arm_to_toml
-from s2c2a.cli.console import OptionalPath
+from s2c2a.cli.console import GivenPath, OptionalPath
 from s2c2a.cli.export_table import Columns, import_map, table_of, units_of
 from s2c2a.episodes import Episode, load_episodes
 from s2c2a.errors import S2C2AError, counted
@@ -18,12 +18,9 @@ from s2c2a.files.text import atomic_write, write_atomically
 from s2c2a.plugins.discovery import installed, resolve, trust_code
 
 OptionalForm = Annotated[str | None, tyro.conf.arg(metavar="FORM")]
-ExportedFile = tyro.conf.Positional[Annotated[Path, tyro.conf.arg(metavar="FILE")]]
 
 
-def export(
-    file: ExportedFile, out: OptionalPath = None, to: OptionalForm = None
-) -> None:
+def export(file: GivenPath, out: OptionalPath = None, to: OptionalForm = None) -> None:
     """Write a recording, a run or a trained strategy for other programs (docs/guides/export.md).
 
     NPZ and MAT hold every column of every episode as an array, such as

@@ -43,7 +43,7 @@ TRACED = re.compile(
 )
 """Modules of whose functions and constants programs are made."""
 HELPERS = "beartype", "jaxtyping", "lazy_loader", "pydantic", "pydantic_core", "scipy"
-LIBRARIES = KNOWN.union(sys.stdlib_module_names, HELPERS, {PACKAGE.name})
+LIBRARIES = KNOWN.union(HELPERS, {PACKAGE.name})
 """Packages whose functions the sources or versions tell of."""
 PROCESSOR = Path("/proc/cpuinfo")
 CONFIG: Any = jax.config  # its attributes are made when JAX is imported

@@ -23,8 +23,8 @@ from pydantic import BaseModel
 from s2c2a.execution.versions import PACKAGE, PACKAGES
 from s2c2a.plugins.discovery import GROUPS, located
 
-KNOWN = set(PACKAGES)
-"""Packages that are known by their versions."""
+KNOWN = sys.stdlib_module_names.union(PACKAGES)
+"""Packages that are known by their versions, or by that of Python."""
 INSTALLED = {"site-packages", "dist-packages"}
 """Folders whose modules belong to many packages."""
 PARSING = Lock()  # in several threads at once, Python 3.11 fails
@@ -105,7 +105,7 @@ def _entry_point_modules() -> dict[str, str]:
 def _module_files(module: str) -> Iterator[Path]:
     """File of a module that no version tells of."""
     top = module.partition(".")[0]
-    if top in KNOWN or top in sys.stdlib_module_names:
+    if top in KNOWN:
         return
     loaded = getattr(sys.modules.get(module), "__file__", None)
     if loaded:
@@ -215,7 +215,7 @@ def _folders(file: Path, wanted: _Import) -> list[Path]:
         return [outermost]
     if top == PACKAGE.name:
         return [PACKAGE.parent]
-    if top in KNOWN or top in sys.stdlib_module_names:
+    if top in KNOWN:
         return []
     places = (outermost, *map(Path, sys.path))
     return [place for place in places if INSTALLED.isdisjoint(place.parts)]
