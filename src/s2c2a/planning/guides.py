@@ -14,12 +14,12 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.goals import PREVIEW, START_TIME, Goal, preview_stride
+from s2c2a.goals import PREVIEW, START_TIME, Goal, Scalar, preview_stride
 from s2c2a.kinematics.bends import Numbers
 from s2c2a.models.forward_model import ForwardModel
 from s2c2a.planning.outcomes import SIGNIFICANT, Outcome
 from s2c2a.planning.terms import Guard
-from s2c2a.planning.ways import Roadmap, Way
+from s2c2a.planning.ways import Roadmap, Shape, Way
 from s2c2a.plugins.components import Component, Registry
 from s2c2a.spaces import POSITION
 
@@ -29,8 +29,6 @@ SEARCH_TIME = 0.3  # s; a result is taken then, or later where no step may wait 
 ELSEWHERE = np.deg2rad(10.0)  # from where a search began, another way may be found
 OBSTACLES = ("obstacles", "thresholds", "cores")
 CLOSEST = 0.25  # of the margin, kept where there is no more room
-
-Shape = Float[np.ndarray, "modules 2"]
 
 
 class Lead(NamedTuple):
@@ -46,8 +44,8 @@ class Lead(NamedTuple):
 
     bends: Float[Numbers, "moments modules 2"]
     tips: Float[Numbers, "moments 3"]
-    weight: Float[Numbers, ""]
-    room: Float[Numbers, ""] = np.asarray(np.inf, np.float32)
+    weight: Scalar
+    room: Scalar = np.asarray(np.inf, np.float32)
 
     @classmethod
     def none(cls, modules: int) -> "Lead":

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from s2c2a.goals import Goal
+from s2c2a.goals import Goal, PerModule
 from s2c2a.kinematics import limit_lengths, norm, states_from_bends
 from s2c2a.kinematics.bends import Numbers, Truth
 from s2c2a.planning.terms import Bends, Candidate, Situation, largest_bend
@@ -72,7 +72,7 @@ def plan_error(states: Float[Numbers, "modules 6"], goal: Goal) -> float:
 
 
 def judge(
-    planned: Candidate, situation: Situation, lengths: Float[Numbers, " modules"]
+    planned: Candidate, situation: Situation, lengths: PerModule
 ) -> Int[Array, ""]:
     """The outcome of a step.
 
@@ -123,7 +123,7 @@ def judge(
 
 
 def slopes_of(
-    bends: Bends, lengths: Float[Numbers, " modules"], step: float | Array
+    bends: Bends, lengths: PerModule, step: float | Array
 ) -> Float[Array, "variables modules 3"]:
     """Central differences of the ends of arcs [m/rad]; they compile faster than slopes."""
     units = step * jnp.eye(bends.size).reshape(-1, *bends.shape)

@@ -25,7 +25,7 @@ from s2c2a.kinematics import (
     limit_lengths,
     norm,
 )
-from s2c2a.kinematics.bends import Scalar
+from s2c2a.kinematics.bends import Scalar, Values
 from s2c2a.models.disturbances import Disturbances
 from s2c2a.models.forward_model import ForwardModel, Memory, PCCForwardModel
 from s2c2a.obstacles import distances
@@ -181,7 +181,12 @@ class Shapes(NamedTuple):
 
 
 class Reachability:
-    """How closely an arm at rest reaches targets, by its forward model."""
+    """How closely an arm at rest reaches targets, by its forward model.
+
+    Attributes:
+        shapes: the table.
+        states_of: from any number of bends [rad] to the states of these shapes.
+    """
 
     def __init__(
         self,
@@ -203,8 +208,8 @@ class Reachability:
         resting = RestingArm.of(arm, model, payload)
         spread = spread_bends(resting.limits, SHAPES)
         bends = np.asarray(commanded_part(spread, resting.steerable))
-        states = compiled(_states_of, resting)(bends)
-        self.shapes = Shapes(jnp.asarray(bends), states)
+        self.states_of = compiled(_states_of, resting)
+        self.shapes = Shapes(jnp.asarray(bends), self.states_of(bends))
         self._nearest = compiled(_nearest, resting, points_of, self.shapes)
         self._solutions = compiled(
             _solutions, resting, points_of, self.shapes, 4 * STARTS
@@ -365,7 +370,7 @@ def _clearances(
     return _gaps(points, goal.with_rows(nearest)) - points_of.radii
 
 
-def _gaps(points: Float[Array, "*batch 3"], goal: Goal) -> Float[Array, "*batch"]:
+def _gaps(points: Float[Array, "*batch 3"], goal: Goal) -> Values:
     """Distances from obstacles [m]; infinite from unused rows."""
     gaps = distances(points, goal.obstacles, goal.cores) - goal.thresholds
     return jnp.where(goal.thresholds > 0.0, gaps, jnp.inf)

@@ -169,7 +169,7 @@ class Roadmap:
         self._edges = np.unique(np.sort(pairs.reshape(-1, 2), axis=1), axis=0)
         middles = self._bends[self._edges].mean(axis=1)
         points = jax.vmap(points_of)(table.states)
-        between = compiled(_points_of_shapes, resting, points_of)(middles)
+        between = jax.vmap(points_of)(self._reach.states_of(middles))
         self._screened = compiled(_screened, points, between, self._edges)
         self._observed = compiled(_observed, resting, points_of)
         self._improved = compiled(_improved, resting, points_of)
@@ -208,12 +208,10 @@ class Roadmap:
         way_tips, clear = self._observe(knots, space)
         end = path[-1] - len(bends)
         miss = float(misses[end])
-        none = np.zeros_like(goal.thresholds)
-        without = goal._replace(thresholds=none)
+        without = goal._replace(thresholds=np.zeros_like(goal.thresholds))
         free = self._reach.solutions(without)
         detained = miss - float(free.misses.min())
-        is_straight = len(corners) == 2
-        return Way(knots, way_tips, clear + least, miss, detained, is_straight)
+        return Way(knots, way_tips, clear + least, miss, detained, len(corners) == 2)
 
     def _ends(
         self, goal: Goal, space: FreeSpace, least: float
@@ -366,14 +364,6 @@ def resampled(corners: ShapesOf, count: int) -> ShapesOf:
     places = np.concatenate([[0.0], np.cumsum(steps)])
     wanted = np.linspace(0.0, places[-1], count)
     return interpolated(wanted, places, corners)
-
-
-def _points_of_shapes(
-    arm: RestingArm, points_of: GuardedPoints, bends: Float[Array, "shapes modules 2"]
-) -> Float[Array, "shapes points 3"]:
-    return jax.lax.map(
-        lambda bends: points_of(arm.states(bends)), bends, batch_size=BATCH
-    )
 
 
 def _screened(
