@@ -113,16 +113,12 @@ def try_all(
 
 def _missing(artifacts: Sequence[Artifact], cache: Cache) -> dict[Path, Artifact]:
     """Missing artifacts, and the missing ones that these need, by path."""
-    visited = set[Path]()
     missing: dict[Path, Artifact] = {}
     queue = deque(artifacts)
     while queue:
         artifact = queue.popleft()
         path = artifact.path(cache)
-        if path in visited:
-            continue
-        visited.add(path)
-        if not artifact.is_in(cache):
+        if path not in missing and not artifact.is_in(cache):
             missing[path] = artifact
             queue.extend(artifact.needs)
     return missing

@@ -7,9 +7,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from s2c2a.arm import ArmSpec, load_arm, preset_names
+from s2c2a.evaluation.metrics import spread
 from s2c2a.evaluation.report import Row, over_seeds
 from s2c2a.jobs.job import Run
 from s2c2a.robots.simulation.modes import first_mode
@@ -133,14 +132,7 @@ def score_rows(experiment: str, runs: Sequence[Run]) -> list[Row]:
             first = over_runs[0]
             metric = first.score.metric
             values = [scored.value for scored in over_runs]
-            spreads = []
-            if first.averaged:
-                for scored in over_runs:
-                    # of the steps that count; NaN if there is none
-                    counted = scored.values[np.isfinite(scored.values)]
-                    spreads.append(
-                        float(counted.std()) if len(counted) else float("nan")
-                    )
+            spreads = [spread(scored.values) for scored in over_runs if first.averaged]
             names = (task, strategy, metric, first.unit)
             rows.append(heading.row(*names, values, spreads, **heading.modes))
     return rows
@@ -149,9 +141,8 @@ def score_rows(experiment: str, runs: Sequence[Run]) -> list[Row]:
 def describe_repetitions(run: Run) -> str:
     """Describe the scores of every repetition of a run, the first one first."""
     scores = [run.job.score(episode) for episode in run.earlier]
-    over_repetitions = zip(*scores, run.scores, strict=True)
     texts = []
-    for results in over_repetitions:
+    for results in zip(*scores, run.scores, strict=True):
         values = ", ".join(f"{result.value:.2f}" for result in results)
         first = results[0]
         texts.append(f"{first.score.metric} by repetition {values} {first.unit}")
@@ -176,8 +167,7 @@ def training_rows(experiment: str, trained: Sequence[TrainedNetworks]) -> list[R
         if is_fixed(first.trained[name].network):
             continue
         percents = [networks.trained[name].percent for networks in trained]
-        means = [mean for mean, _ in percents]
-        spreads = [spread for _, spread in percents]
+        means, spreads = zip(*percents, strict=True)
         names = ("training", name, "held-out error", "%")
         rows.append(heading.row(*names, means, spreads, **heading.modes))
     return rows

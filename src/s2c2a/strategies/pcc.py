@@ -102,12 +102,32 @@ class FittedPCC(StrategyOptions):
             )
         options = replace(recipe.planner, guard=run.guard)
         gains = np.asarray(trained.trained[GAINS].network.gains, float)
-        return _pcc(self.name, arm, options, 1.0 / gains)
+        return pcc_strategy(arm, options, 1.0 / gains, self.name)
 
 
-def pcc_strategy(arm: ArmSpec, options: PlannerOptions = PAPER) -> Strategy:
-    """PCC with the arm's nominal numbers, which needs no training."""
-    return _pcc("pcc", arm, options, np.ones(arm.module_count))
+def pcc_strategy(
+    arm: ArmSpec,
+    options: PlannerOptions = PAPER,
+    gains: Float[np.ndarray, " modules"] | float = 1.0,
+    name: str = "pcc",
+) -> Strategy:
+    """PCC with the arm's nominal numbers, which needs no training.
+
+    Args:
+        arm: that it will drive.
+        options: of the planner.
+        gains: by which the controller multiplies bends, of each module or of all.
+        name: in records.
+    """
+    pcc = PCC.of(arm)
+    factors = jnp.broadcast_to(jnp.asarray(gains, jnp.float32), arm.module_count)
+    return Strategy(
+        name,
+        arm,
+        EncoderEstimator(EncoderMap(pcc)),
+        Planner(arm, PCCForwardModel.of(arm), options),
+        InversePCC(pcc, factors),
+    )
 
 
 def fitted_gains(recording: Recording) -> Float[np.ndarray, " modules"]:
@@ -132,19 +152,3 @@ def fitted_gains(recording: Recording) -> Float[np.ndarray, " modules"]:
             "not move"
         )
     return product / squared
-
-
-def _pcc(
-    name: str,
-    arm: ArmSpec,
-    options: PlannerOptions,
-    gains: Float[np.ndarray, " modules"],
-) -> Strategy:
-    pcc = PCC.of(arm)
-    return Strategy(
-        name,
-        arm,
-        EncoderEstimator(EncoderMap(pcc)),
-        Planner(arm, PCCForwardModel.of(arm), options),
-        InversePCC(pcc, jnp.asarray(gains, dtype=jnp.float32)),
-    )

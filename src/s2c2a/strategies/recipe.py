@@ -147,16 +147,8 @@ class Recipe(Options):
     @property
     def training(self) -> dict[str, Any]:
         """All options that training depends on, with the names of all classes."""
-        unused = (
-            "name",
-            "episodes",
-            "planner",
-            "integral_gain",
-            "axis_weights",
-            "estimator",
-        )
         options = asdict(self)
-        for name in unused:
+        for name in ("name", "episodes", "planner", "integral_gain", "axis_weights"):
             del options[name]
         is_custom = isinstance(self.estimator, CustomComponent)
         # parameters of a custom estimator may matter to its training

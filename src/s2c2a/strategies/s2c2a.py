@@ -254,9 +254,7 @@ def common_displacements(recording: Recording, arm: ArmSpec) -> np.ndarray | Non
     radii = ArmGeometry.of(arm).cable_radii[:, None]
     displacements = recording.sensor("cables") / radii
     common = displacements.mean(axis=-1).std()
-    if common <= COMMON_MOTION * displacements.std():
-        return None
-    return displacements
+    return None if common <= COMMON_MOTION * displacements.std() else displacements
 
 
 def s2c2a_strategy(

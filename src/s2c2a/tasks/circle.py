@@ -23,18 +23,23 @@ number of modules."""
 Steps = Float[np.ndarray, " steps"]
 
 
-def circle_path(length: float, control_rate: float) -> Path:
+def circle_path(
+    length: float, control_rate: float, radius: float = 0.22, height: float = 0.54
+) -> Path:
     """Tip positions [m], base frame: an approach, then one counterclockwise circle.
-
-    On an arm of 0.6 m, the circle has a radius of 0.22 m and a height of 0.54 m.
 
     Args:
         length: of the arm [m].
         control_rate: steps per second [Hz].
+        radius: of the circle on an arm of 0.6 m [m].
+        height: of the circle on an arm of 0.6 m [m].
     """
-    radius = 0.22 / PAPER_LENGTH
-    height = 0.54 / PAPER_LENGTH
-    return length * _approach_and_circle(radius, height, control_rate)
+    end = np.array([radius, 0.0, height]) / PAPER_LENGTH
+    approach = approach_path(end, control_rate)
+    angles = _approach_and_turn(control_rate)[1][len(approach) :]
+    lateral = end[0] * directions_at(angles)
+    turn = np.column_stack([lateral, np.full(len(angles), end[2])])
+    return length * np.concatenate([approach, turn])
 
 
 def circle(arm: ArmSpec) -> Task:
@@ -80,9 +85,7 @@ def hold_base(arm: ArmSpec) -> Task:
     position = np.array([0.0, 0.0, ArmGeometry.of(arm).lengths[0]])
     goal = Goal.of(arm.module_count)
     goal = goal.with_position(position, weight=4.0, module=0)
-    radius = 0.15 / PAPER_LENGTH
-    height = 0.56 / PAPER_LENGTH
-    path = arm.length * _approach_and_circle(radius, height, arm.control_rate)
+    path = circle_path(arm.length, arm.control_rate, radius=0.15, height=0.56)
     scores = Score("constraint", module=0), Score("position")
     return Task.along("hold-base", path, goal, *scores)
 
@@ -140,15 +143,6 @@ def _approach_and_turn(control_rate: float) -> tuple[Steps, Steps]:
     shares = np.concatenate([np.arange(1, approach + 1) / approach, np.ones(turn)])
     angles = 2 * np.pi * np.arange(1, turn + 1) / turn
     return shares, np.concatenate([np.zeros(approach), angles])
-
-
-def _approach_and_circle(radius: float, height: float, control_rate: float) -> Path:
-    """An approach, then one circle at constant height; for an arm of length one."""
-    approach = approach_path(np.array([radius, 0.0, height]), control_rate)
-    angles = _approach_and_turn(control_rate)[1][len(approach) :]
-    lateral = radius * directions_at(angles)
-    turn = np.column_stack([lateral, np.full(len(angles), height)])
-    return np.concatenate([approach, turn])
 
 
 def _tilted_axes(tilts: Steps, azimuths: Steps) -> Float[np.ndarray, "steps 3"]:
