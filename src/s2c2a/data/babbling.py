@@ -9,10 +9,9 @@ from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry
 from s2c2a.data.nominal_plans import nominal_plans
-from s2c2a.paper import SPEEDS, disc_points, mixed_bends, staged_shares
+from s2c2a.paper import SPEEDS, Bends, disc_points, mixed_bends, staged_shares
 
 Shares = Float[np.ndarray, "modules paths"]
-Bends = Float[np.ndarray, "samples modules 2"]
 # shares and times of the recordings of `best`; others are other recordings
 PLANNED_SHARE = 0.67  # of the targets of coverage that are nominal plans
 FULL_SHARE = 0.5  # of the independent bends that are full

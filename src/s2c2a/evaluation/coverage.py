@@ -20,7 +20,7 @@ from s2c2a.kinematics import (
     commanded_part,
     states_from_bends,
 )
-from s2c2a.paper import disc_points
+from s2c2a.paper import Bends, disc_points
 from s2c2a.spaces import POSITION, Reading
 
 # a figure and its numbers show these; nothing else depends on them
@@ -29,8 +29,6 @@ NEAR_BEND = 0.25  # of each module's limit: distance at which a bend is reached
 NEAR_TIP = 0.05  # of the arm's length: distance at which a position is reached
 MIN_BEND = 0.1  # of the limit; smaller bends are neither opposed nor equal
 RANDOM_SHAPES = 1000  # a share of them is known to 3 %
-
-Bends = Float[np.ndarray, "samples modules 2"]
 
 
 @dataclass(frozen=True, eq=False)  # holds arrays

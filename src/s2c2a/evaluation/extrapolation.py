@@ -44,8 +44,8 @@ def describe_extrapolation(episode: Episode) -> str:
     if outside.sum() <= TOLERATED * len(outside):
         return ""
     begin = int(np.argmax(outside))
-    inside_again = np.flatnonzero(~outside[begin:])
-    count = int(inside_again[0]) if len(inside_again) else len(outside) - begin
+    # until the first step that is inside again, or the end
+    count = int(np.argmin(np.append(outside[begin:], False)))
     times = episode.times()
     first = f"from {times[begin]:.1f} to {times[begin + count - 1]:.1f} s"
     if "predicted" in episode.columns:

@@ -171,6 +171,8 @@ _mean = _of_counting(np.mean)
 _minimum = _of_counting(np.min)
 _maximum = _of_counting(np.max)
 _sum = _of_counting(np.sum)
+spread = _of_counting(np.std)
+"""Standard deviation of the steps that count."""
 
 
 def _last_mean(values: PerStep) -> float:
@@ -273,10 +275,8 @@ def _score(episode: Episode, task: Task, score: Score, recipe: str) -> ScoreResu
         values = np.where(score.steps, values, np.nan)
     value = float(metric.aggregate(values))
     if score.metric == "reached":
-        threshold = REACH_THRESHOLDS.get(recipe, DEFAULT_REACH_THRESHOLD)
-        value = float(value <= threshold)
-    averaged = metric.aggregate is _mean
-    return ScoreResult(score, metric.unit, values, value, averaged)
+        value = float(value <= REACH_THRESHOLDS.get(recipe, DEFAULT_REACH_THRESHOLD))
+    return ScoreResult(score, metric.unit, values, value, metric.aggregate is _mean)
 
 
 def _compare_states(
