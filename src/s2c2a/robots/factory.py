@@ -103,9 +103,7 @@ class RobotFactory:
         """Source of the poses of the module ends; empty for none."""
         if self.simulated or self.tracking == NO_TRACKING:
             return ""
-        if self.tracking:
-            return self.tracking
-        return arm.tracking.source if arm.tracking is not None else ""
+        return self.tracking or (arm.tracking.source if arm.tracking else "")
 
     def describe_calibration(self, arm: ArmSpec) -> str:
         """Which calibration the tracker of the arm uses; empty without a tracker.

@@ -134,6 +134,7 @@ class _InspectedRobot(Robot):
         self.own_time = robot.own_time  # type: ignore[misc]
         self.passed: list[str] = []
         self._geometry = ArmGeometry.of(robot.arm)
+        self._scale = np.abs(self._geometry.action_scale)[:, None]
         self._is_inspected = True
         self._has_sent = False
         self._start: tuple[float, float] | None = None
@@ -287,12 +288,12 @@ class _InspectedRobot(Robot):
         Readings copy their arrays, so that a robot may use those again.
         """
         rest = self._geometry.action_neutral
-        first = np.array(rest + 1e-3 * np.abs(self._geometry.action_scale)[:, None])
+        first = np.array(rest + 1e-3 * self._scale)
         for action in (first, first.astype(np.float32)):
             given = action.copy()
             self._attempt(given)
             _require(
-                bool(np.array_equal(given, action)),
+                np.array_equal(given, action),
                 "send() changes its argument; change a copy, such as action.copy()",
             )
         sent = self._attempt(first.copy())
@@ -300,7 +301,7 @@ class _InspectedRobot(Robot):
         other = self._attempt(np.array(rest))
         is_shared = isinstance(sent, np.ndarray) and isinstance(other, np.ndarray)
         _require(
-            bool(np.array_equal(kept, sent))
+            np.array_equal(kept, sent)
             and not (is_shared and np.shares_memory(sent, other)),
             "send() returns the same array again and changes it; return a copy",
         )
@@ -314,10 +315,9 @@ class _InspectedRobot(Robot):
                 "(limits are not tested on a real robot: use `checked_action`)"
             )
         geometry = self._geometry
-        scale = np.abs(geometry.action_scale)[:, None]
-        low = geometry.action_low - 0.02 * scale
-        high = geometry.action_high + 0.02 * scale
-        for beyond in (geometry.action_high + 10 * scale, low - 10 * scale):
+        low = geometry.action_low - 0.02 * self._scale
+        high = geometry.action_high + 0.02 * self._scale
+        for beyond in (high + 10 * self._scale, low - 10 * self._scale):
             limited = np.asarray(self._attempt(beyond))
             self._attempt(np.array(geometry.action_neutral))
             inside = (limited >= low) & (limited <= high)
@@ -330,9 +330,8 @@ class _InspectedRobot(Robot):
             np.shape(sent) == action.shape,
             f"send() returned {sent!r}, not the action sent",
         )
-        tolerance = 0.02 * np.abs(self._geometry.action_scale)[:, None]
         _require(
-            bool((np.abs(sent - action) <= tolerance).all()),
+            bool((np.abs(sent - action) <= 0.02 * self._scale).all()),
             "send() of an allowed action returned another action",
         )
 
@@ -375,7 +374,7 @@ def _check_standard_names(reading: Reading, arm: ArmSpec) -> str:
         if values is not None:
             lengths = np.linalg.norm(values[:, -3:], axis=-1)
             _require(
-                bool(np.allclose(lengths, 1.0, atol=1e-3)),
+                np.allclose(lengths, 1.0, atol=1e-3),
                 f"axes in '{name}' have lengths {lengths}, not 1",
             )
     for name in ("states", "camera_positions"):

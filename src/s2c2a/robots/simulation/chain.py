@@ -299,10 +299,9 @@ def _add_cable_sites(
 ) -> None:
     """Add the points of all cables that pass a station (module, segment boundary)."""
     for owner, module in enumerate(modules):
-        routing = cable_routing(arm, owner)
-        if station[0] not in routing:
+        share = cable_routing(arm, owner).get(station[0])
+        if share is None:
             continue
-        share = routing[station[0]]
         for cable, (x, y) in enumerate(module.cables):
             body.add_site(
                 name=_cable_site_name(owner, cable, station),

@@ -153,16 +153,10 @@ class ExtraSensors:
 
     def __init__(self, arm: ArmSpec, seed: int, opening: int):
         """Create the sensors of the arm; their biases differ at every opening."""
-        sensors = arm.sensors
-        self._inertial = None
-        self._camera = None
-        self._flex = None
-        if sensors.imu is not None:
-            self._inertial = InertialSensors(arm, sensors.imu, seed, opening)
-        if sensors.camera is not None:
-            self._camera = CameraView(arm, sensors.camera, seed, opening)
-        if sensors.flex is not None:
-            self._flex = FlexStrips(arm, sensors.flex, seed, opening)
+        imu, camera, flex = arm.sensors.imu, arm.sensors.camera, arm.sensors.flex
+        self._inertial = InertialSensors(arm, imu, seed, opening) if imu else None
+        self._camera = CameraView(arm, camera, seed, opening) if camera else None
+        self._flex = FlexStrips(arm, flex, seed, opening) if flex else None
 
     def start(self, states: States) -> None:
         """Begin a run: the arm rests, and the clock is at zero."""

@@ -54,8 +54,8 @@ class FlexStrips:
             self._strip_bends, bends - flex.hysteresis, bends + flex.hysteresis
         )
         drift, noise = self._random.normal(size=(2, *bends.shape))
-        minutes = seconds / 60
-        self._biases = self._biases + flex.drift * np.sqrt(minutes) * drift
+        # the drift is that of a minute
+        self._biases = self._biases + flex.drift * np.sqrt(seconds / 60) * drift
         self._noise = flex.noise * noise
 
     def read(self) -> dict[str, np.ndarray]:

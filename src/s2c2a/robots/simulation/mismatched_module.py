@@ -39,9 +39,7 @@ class MismatchedModule:
         stiffnesses = np.array([bending / ratio, bending * ratio, module.gj])
         angles = np.deg2rad(np.add(module.cable_angles_deg, mismatch.angle_errors_deg))
         radii = module.cable_radius * (1.0 + np.asarray(mismatch.radius_errors))
-        angle = np.deg2rad(mismatch.stiff_direction_deg)
-        cosine = np.cos(angle)
-        sine = np.sin(angle)
+        cosine, sine = directions_at(np.deg2rad(mismatch.stiff_direction_deg))
         axes = np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
         return cls(
             nominal=module,

@@ -21,7 +21,7 @@ from s2c2a.robots.simulation.extra_sensors import (
     declare_extra_sensors,
 )
 from s2c2a.robots.simulation.random_streams import Stream, random_stream
-from s2c2a.robots.simulation.relaxation import Relaxation
+from s2c2a.robots.simulation.relaxation import JointPositions, Relaxation
 from s2c2a.robots.simulation.sensor_faults import SensorFaults
 from s2c2a.robots.simulation.stepping import run_physics_steps, transfer_state
 from s2c2a.robots.simulation.transmission import (
@@ -116,9 +116,8 @@ class SimulatedRobot(Robot):
         self._base_sites = [self.model.site(f"base_{module}").id for module in modules]
         self.end_sites = [self.model.site(f"end_{module}").id for module in modules]
         self._tip_body = self.model.site_bodyid[self.end_sites[-1]]
-        self._center_line_size = 0
-        if center_line:
-            self._center_line_size = 3 * CENTER_LINE_POINTS * arm.module_count
+        points = CENTER_LINE_POINTS * arm.module_count if center_line else 0
+        self._center_line_size = 3 * points
         self._relaxes = per_module(self._true_arm, "mismatch.relaxing").any()
         self._relaxation = Relaxation(self._true_arm, self.model)
         self._reset()
@@ -254,7 +253,7 @@ class SimulatedRobot(Robot):
         self._last_states = self.states()
         self._extra_sensors.observe(self.data.time, seconds, self._last_states)
 
-    def relax(self, positions: Float[np.ndarray, " joints"], seconds: float) -> None:
+    def relax(self, positions: JointPositions, seconds: float) -> None:
         """Relax the modules after a motion of some time from joint positions [rad]."""
         if self._relaxes:
             self._relaxation.advance((positions + self.data.qpos) / 2, seconds)

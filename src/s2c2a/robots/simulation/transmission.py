@@ -165,10 +165,8 @@ class CableTransmission:
         else:
             width = self._backlash + tensions * np.expm1(exponent) / self._stiffness
             low, high = path - width, path + width
-        if creeps:
-            transmitted = play_along(self.transmitted, low, high)
-        else:
-            transmitted = play(self.transmitted, low, high)
+        follow = play_along if creeps else play
+        transmitted = follow(self.transmitted, low, high)
         self.transmitted = transmitted[-1]
         return transmitted
 
