@@ -28,11 +28,12 @@ from s2c2a.planning.reach import (
     AXIS_LENGTH,
     DEPTH_WEIGHT,
     EVENNESS,
+    PerModule,
     Reachability,
     Reached,
     RestingArm,
 )
-from s2c2a.planning.solvers import solve_least_squares
+from s2c2a.planning.solvers import ResidualVector, solve_least_squares
 from s2c2a.planning.terms import Bends, GuardedPoints
 from s2c2a.spaces import AXIS, POSITION
 from s2c2a.strategies import recipe_named
@@ -108,7 +109,7 @@ class Poses(NamedTuple):
 
 
 def drawn_bends(
-    limits: Float[np.ndarray, " modules"],
+    limits: PerModule,
     shape: tuple[int, ...],
     random: np.random.Generator,
 ) -> Float[np.ndarray, "*shapes modules 2"]:
@@ -201,7 +202,7 @@ def _states_of(arm: RestingArm, bends: Array) -> Array:
 
 def _residuals(
     arm: RestingArm, points_of: GuardedPoints, goal: Goal, bends: Bends
-) -> Float[Array, " residuals"]:
+) -> ResidualVector:
     """What both searches minimize, in parts of the arm's length."""
     length = jnp.sum(jnp.asarray(arm.lengths))
     states = arm.states(bends)
@@ -247,7 +248,7 @@ def _searched(
         goal: Goal, starts: Float[Array, "starts modules 2"]
     ) -> dict[str, Array]:
         def solved(start: Bends) -> tuple[Bends, Float[Array, ""]]:
-            def residuals(bends: Bends) -> Float[Array, " residuals"]:
+            def residuals(bends: Bends) -> ResidualVector:
                 return _residuals(arm, points_of, goal, bends)
 
             return solve_least_squares(residuals, start, project, ITERATIONS)

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmGeometry, ArmSpec
-from s2c2a.data.windows import forward_samples
+from s2c2a.data.windows import EpisodeActions, EpisodeStates, forward_samples
 from s2c2a.kinematics import bends_from_configurations
 from s2c2a.kinematics.chain import states_from_arcs
 from s2c2a.models import ForwardOptions
@@ -34,7 +34,7 @@ RIDGES = (1e-4, 1e-3, 1e-2)
 
 def cable_displacements(
     data: TrainingData,
-) -> Float[np.ndarray, "episodes samples modules cables"]:
+) -> EpisodeActions:
     """Displacements of the cables over their radius [rad], as commanded or sensed."""
     if data.displacements is not None:
         return data.displacements
@@ -81,9 +81,7 @@ class KernelRegression(ReferenceModel):
 
     model: str = field(default="kernel regression", kw_only=True)
 
-    def predictions(
-        self, model: Any, data: TrainingData
-    ) -> Float[np.ndarray, "episodes samples modules 6"]:
+    def predictions(self, model: Any, data: TrainingData) -> EpisodeStates:
         inputs = inputs_with_plays(data)
         states = model.predict(inputs.reshape(-1, inputs.shape[-1]))
         return states.reshape(*inputs.shape[:2], -1, 6)
@@ -186,9 +184,7 @@ class FittedArcs(ReferenceModel):
 
     model: str = field(default="fitted PCC", kw_only=True)
 
-    def predictions(
-        self, model: Any, data: TrainingData
-    ) -> Float[np.ndarray, "episodes samples modules 6"]:
+    def predictions(self, model: Any, data: TrainingData) -> EpisodeStates:
         return np.asarray(_arcs(jnp.asarray(model, jnp.float32), self._bends(data)))
 
     def train(

@@ -12,7 +12,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.data import Samples, Split
-from s2c2a.data.windows import Lengths, history_samples
+from s2c2a.data.windows import EpisodeActions, Lengths, history_samples
 from s2c2a.models.actions import Actions, NoisyLoss
 from s2c2a.models.layers import Scaling, Size, SumAndRange
 from s2c2a.paper import Direction, random_weights
@@ -152,7 +152,7 @@ class LSTMOptions(Size):
         self,
         arm: ArmSpec,
         tips: Float[np.ndarray, "episodes samples 3"],
-        actions: Float[np.ndarray, "episodes samples modules cables"],
+        actions: EpisodeActions,
         lengths: Sequence[int],
         key: PRNGKeyArray,
         progress: TrainingProgress = quiet,
@@ -182,7 +182,7 @@ class LSTMOptions(Size):
 
 def lstm_samples(
     positions: Float[np.ndarray, "episodes samples 3"],
-    actions: Float[np.ndarray, "episodes samples modules cables"],
+    actions: EpisodeActions,
     neutral: Float[np.ndarray, "modules cables"],
     lengths: Lengths = None,
 ) -> Split:

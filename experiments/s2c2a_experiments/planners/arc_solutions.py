@@ -16,7 +16,7 @@ from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.goals import Goal
 from s2c2a.kinematics import commanded_part, limit_lengths, states_from_bends
 from s2c2a.obstacles import distances
-from s2c2a.planning.reach import spread_bends
+from s2c2a.planning.reach import PerModule, spread_bends
 from s2c2a.planning.solvers import solve_least_squares
 from s2c2a.planning.terms import Guard, GuardedPoints
 from s2c2a.spaces import AXIS, POSITION
@@ -104,7 +104,7 @@ class ArcSolutions:
         self,
         starts: Batch,
         goal: Goal,
-        moves: Float[np.ndarray, " modules"] | None = None,
+        moves: PerModule | None = None,
         targets: Float[np.ndarray, "solutions modules 6"] | None = None,
     ) -> SolvedShapes:
         """The solutions nearest to their starts.

@@ -21,7 +21,7 @@ from jaxtyping import Array, Float
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.goals import Goal
 from s2c2a.kinematics import bends_from_configurations, norm, states_from_bends
-from s2c2a.kinematics.bends import sinc
+from s2c2a.kinematics.bends import Scalar, sinc
 from s2c2a.kinematics.chain import rotations_to
 from s2c2a.planning import Guard
 from s2c2a.plugins.components import Ranges
@@ -272,7 +272,7 @@ class _Curves(NamedTuple):
         return direction / norm(direction)
 
     def _second_turn(
-        self, aside: Float[Array, ""], above: Float[Array, ""], half: Cells
+        self, aside: Scalar, above: Scalar, half: Cells
     ) -> tuple[Cells, Cells]:
         """Half the second arc's angle [rad], and the excess of the curve [m].
 

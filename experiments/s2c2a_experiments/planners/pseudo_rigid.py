@@ -21,7 +21,7 @@ from s2c2a.kinematics import (
     configurations_from_bends,
     limit_lengths,
 )
-from s2c2a.kinematics.chain import rotations_to
+from s2c2a.kinematics.chain import States, rotations_to
 from s2c2a.models.disturbances import Disturbances
 from s2c2a.models.forward_model import Memory, MemorylessModel
 from s2c2a.models.trunk import Trunk
@@ -85,7 +85,7 @@ class LinkModel(MemorylessModel):
         configurations: Float[Array, "*batch modules 3"],
         memory: Memory,
         disturbances: Disturbances | None = None,
-    ) -> Float[Array, "*batch modules 6"]:
+    ) -> States:
         """See `ForwardModel`: bend biases are added to the bends."""
         bends = bends_from_configurations(configurations)
         if disturbances is not None:

@@ -5,7 +5,6 @@ from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
 from s2c2a.kinematics import (
     PCC,
@@ -15,7 +14,7 @@ from s2c2a.kinematics import (
 )
 from s2c2a.kinematics.pcc import Cables
 from s2c2a.models import C2A, History
-from s2c2a.models.arrays import Configuration, ModuleBends
+from s2c2a.models.arrays import Configuration, ModuleBends, PerModule
 from s2c2a.paper import pushed
 
 Memory = Any  # a pytree of arrays
@@ -63,7 +62,7 @@ class InversePCC(Controller):
     """
 
     pcc: PCC
-    gains: Float[Array, " modules"]
+    gains: PerModule
 
     def start(self, sensed: Configuration) -> Memory:
         """See `Controller`: the memory is empty."""

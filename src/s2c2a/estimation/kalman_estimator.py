@@ -128,7 +128,7 @@ def _estimate(
     disturbance_filter: DisturbanceFilter,
     configuration: Float[Array, "modules 3"],
     state: FilterState,
-    measurements: Mapping[str, Array | np.ndarray],
+    measurements: Measured,
 ) -> Estimate:
     disturbances = state.disturbances
     biases = disturbances.bend_biases.reshape(-1)

@@ -16,10 +16,10 @@ from s2c2a.obstacles import ROW, rows_of
 from s2c2a.runtime import StepRecord
 from s2c2a.runtime.record import build_piece
 from s2c2a.spaces import POSITION, States
-from s2c2a.viz.solids import hull, surface
+from s2c2a.viz.solids import Points, hull, surface
 from s2c2a.viz.trace import standing
 
-Triangles = tuple[Float[np.ndarray, "points 3"], Int[np.ndarray, "triangles 3"]]
+Triangles = tuple[Points, Int[np.ndarray, "triangles 3"]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +38,7 @@ class StepScene:
 
     time: float
     states: States | None
-    line: Float[np.ndarray, "points 3"]
+    line: Points
     targets: dict[int, np.ndarray]
     obstacles: Float[np.ndarray, "obstacles 12"]
     numbers: dict[str, float]

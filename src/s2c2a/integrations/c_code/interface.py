@@ -22,7 +22,7 @@ from s2c2a.integrations.c_code.program import (
     literal,
 )
 from s2c2a.integrations.c_code.support import support_for
-from s2c2a.integrations.c_code.values import Kind, Stored
+from s2c2a.integrations.c_code.values import Kind, Shape, Stored
 from s2c2a.integrations.c_code.writer import Writer
 
 
@@ -37,7 +37,7 @@ class Field(NamedTuple):
 
     name: str
     kind: Kind
-    shape: tuple[int, ...]
+    shape: Shape
 
     @property
     def declaration(self) -> str:
@@ -186,7 +186,7 @@ def fields_of(example: Any) -> list[Field]:
     return fields
 
 
-def brackets(shape: tuple[int, ...]) -> str:
+def brackets(shape: Shape) -> str:
     """Sizes of an array in C; nothing for a number."""
     return "".join(f"[{size}]" for size in shape)
 
@@ -207,7 +207,7 @@ def _header(
     fields: list[Field],
     layout: Layout,
     spaces: dict[Kind, int],
-    command: tuple[int, ...],
+    command: Shape,
 ) -> str:
     members = "\n".join(f"    {field.declaration};" for field in fields)
     guard = f"{name.upper()}_H"
@@ -256,7 +256,7 @@ int {name}_step({name}_memory *memory, const {name}_input *input,
 
 
 def _interface(
-    name: str, fields: list[Field], example: Any, command: tuple[int, ...], status: int
+    name: str, fields: list[Field], example: Any, command: Shape, status: int
 ) -> str:
     pairs = zip(fields, jax.tree.leaves(example), strict=True)
     defaults = "\n".join(_default(field, np.asarray(leaf)) for field, leaf in pairs)

@@ -16,7 +16,13 @@ from s2c2a.arm.geometry import cables_present
 from s2c2a.errors import ActionError, S2C2AError, did_you_mean
 from s2c2a.execution.executors import all_cores, validated_worker_count
 from s2c2a.integrations.environments.lockstep import Lockstep, in_lockstep
-from s2c2a.integrations.environments.spaces import BatchMoment, Controls, joined
+from s2c2a.integrations.environments.spaces import (
+    Batch3,
+    BatchMoment,
+    BatchValues,
+    Controls,
+    joined,
+)
 from s2c2a.integrations.environments.tasks import EPISODE_TIME, FAMILIES, Family
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.robots.simulation.chain import get_fidelity
@@ -41,7 +47,7 @@ class BatchStep(NamedTuple):
         errors: distances of the tips from their goals [m].
     """
 
-    observations: Float[np.ndarray, "batch values"]
+    observations: BatchValues
     rewards: Float[np.ndarray, " batch"]
     terminated: Bool[np.ndarray, " batch"]
     truncated: Bool[np.ndarray, " batch"]
@@ -182,7 +188,7 @@ class SimulationBatch:
             np.linalg.norm(moment.tips - moment.goals, axis=-1),
         )
 
-    def observations(self) -> Float[np.ndarray, "batch values"]:
+    def observations(self) -> BatchValues:
         """What is observed now; see `spaces`."""
         parts = self.family.observe(self.moment())
         for name, part in parts.items():
@@ -249,7 +255,7 @@ class SimulationBatch:
                 f"{self.arm.name} are {expected}: change numbers of its modules alone"
             )
 
-    def _goal_at(self, ahead: int) -> Float[np.ndarray, "batch 3"]:
+    def _goal_at(self, ahead: int) -> Batch3:
         moments = np.minimum(self._elapsed + ahead, self.family.steps + 1)
         return self._goals[np.arange(len(moments)), moments]
 

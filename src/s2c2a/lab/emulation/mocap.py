@@ -4,13 +4,12 @@ import socket
 from collections.abc import Callable, Mapping
 
 import numpy as np
-from jaxtyping import Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.errors import S2C2AError
 from s2c2a.lab.emulation.mocap_server import MocapServer, StreamOptions
 from s2c2a.lab.emulation.motive import Motive, MotiveOptions
-from s2c2a.lab.emulation.plant import Plant
+from s2c2a.lab.emulation.plant import Cables, Plant
 from s2c2a.lab.emulation.pose_datagrams import DatagramOptions, PoseDatagrams
 from s2c2a.lab.emulation.qtm import Qtm, QtmOptions
 from s2c2a.lab.emulation.real_time import RealTimeArm
@@ -47,7 +46,7 @@ class SlowMotion:
         self._frequencies = random.uniform(*_FREQUENCIES, shape)
         self._phases = random.uniform(0, 2 * np.pi, shape)
 
-    def goals(self, now: float) -> Float[np.ndarray, " cables"]:
+    def goals(self, now: float) -> Cables:
         """Return the displacements of the cables [m] at a time [s]."""
         geometry = self._geometry
         turns = 2 * np.pi * self._frequencies * now
