@@ -207,9 +207,9 @@ class _Residuals:
             raise RecordingError("sensed configurations are missing in this recording")
         flat, self._as_change = ravel_pytree(_scales(data.arm))
         self._scales = np.asarray(flat)
-        given = {"model": model, "sensed": sensed, "beyond": beyond_bends(data)}
-        self._predict = partial(_predict, **given)
-        self._slopes = partial(_slopes, **given)
+        beyond = beyond_bends(data)
+        self._predict = partial(_predict, model=model, sensed=sensed, beyond=beyond)
+        self._slopes = partial(_slopes, model=model, sensed=sensed, beyond=beyond)
         self._start = self._likeliest()
 
     def posterior(
