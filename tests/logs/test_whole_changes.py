@@ -117,3 +117,25 @@ def test_modules_that_count_from_the_tip_have_the_reversed_order():
     table["drives"][2]["module"] = None
     _, changed = reversed_modules(LogMap.model_validate(table))
     assert [drive.module for drive in changed.drives] == [2, 1, None]
+
+
+@pytest.mark.slow
+def test_modules_in_the_reversed_order_are_named_where_a_fit_makes_up_for_it(tmp_path):
+    columns = np.random.default_rng(0).uniform(-0.7, 0.7, (300, 6))
+    parameters = straight_arm([0.2, 0.1])
+    _, states = predict_states(parameters, wiring_of(2), columns, False)
+    ends = np.array(states)[..., :3].reshape(-1, 6)
+    ends += 1e-3 * np.random.default_rng(1).normal(size=ends.shape)
+    names = [*(f"c{index}" for index in range(6)), *"abcxyz"]
+    table, path = np.hstack([columns, ends]), tmp_path / "log.csv"
+    np.savetxt(path, table, "%.6f", ",", header=",".join(names), comments="")
+    stated = map_of(drives=6, length=None).model_dump(mode="json", exclude_unset=True)
+    stated["arm"] |= {"modules": 2, "lengths": [0.2, 0.1]}
+    for index, drive in enumerate(stated["drives"]):
+        drive["module"] = 1 - index // 3
+    stated["ends"] = [
+        {"position": list(names), "unit": "m", "module": module}
+        for module, names in enumerate(("abc", "xyz"))
+    ]
+    text = outcome(path, LogMap.model_validate(stated))
+    assert "reverse the order of the drives' `module`" in text

@@ -365,22 +365,20 @@ def _diagnose_whole(
     changes: Sequence[tuple[str, LogMap]],
     known: _Fitted | None = None,
 ) -> str:
-    """Sentence on the signs of all drives, or `along`; empty if they are not at fault.
+    """Sentence on what concerns all drives or ends; empty if it is not at fault.
 
-    No search passes from one of their values to another, so that each is fitted from its
-    own start. Modules and coupling of a fit hold for other signs and directions, too:
-    an alternative takes a tenth of the time of the search that found them.
+    No search passes from one of the values to another, so that each is fitted from its
+    own start.
     """
     explain = _Explanation(known)
     read = [from_rests(take, -rests) for take in takes]
     for clause, changed in changes:
         if changed == log_map:  # nothing of it is stated
             continue
-        held = with_assignment(changed, known.assignment) if known else changed
         # the arm is straight in other rows if it points elsewhere
-        for others in possible_rests(read, held):
+        for others in possible_rests(read, changed):
             rested = [from_rests(take, others) for take in read]
-            explain.tries(clause, held, rested, others)
+            explain.tries(clause, changed, rested, others)
     return explain.sentence()
 
 
@@ -461,14 +459,17 @@ def _describe(fitted: _Fitted, log_map: LogMap, arm: ArmSpec | None) -> Imported
     diagnosis = diagnose_map(fitted.takes, log_map, given)
     missed = missed_share(fit, observations)
     if not diagnosis:
+        # modules and coupling hold for other signs, directions and lengths, too: a fit
+        # takes a tenth of the time of the search that found them
+        held = with_assignment(log_map, assignment)
         changes = [
-            reversed_drives(log_map),
-            unstated_lengths(log_map),
-            *_shown_directions(fitted.takes, log_map),
+            reversed_drives(held),
+            unstated_lengths(held),
+            *_shown_directions(fitted.takes, held),
         ]
-        diagnosis = _diagnose_whole(
-            fitted.takes, fitted.rests, log_map, changes, fitted
-        )
+        if any(drive.module is not None for drive in log_map.drives):
+            changes.append(reversed_modules(log_map))
+        diagnosis = _diagnose_whole(fitted.takes, fitted.rests, held, changes, fitted)
     contradictions = [describe_contradictions(fit.parameters, observations)]
     if not diagnosis and missed < POOR:  # angles of a poor fit mean nothing
         identified = Identified.of(fit, assignment, observations.axes)
