@@ -1,5 +1,7 @@
 """What a log does not show is named, and the last line says whether it can be used."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -111,3 +113,14 @@ def test_vacuum_is_called_out_of_range(write):
     assert "vacuum is not supported" in text
     assert "larger pressure_limit" not in text
     assert verdict(imported) == "not usable (pressures below zero are not supported)"
+
+
+def test_steps_that_lie_between_rows_are_told(write):
+    bends = np.random.default_rng(4).uniform(-0.8, 0.8, (400, 2))
+    pressures = 20.0 - 10.0 * bends @ cable_matrix(ANGLES).T  # kPa
+    path = write(pressures, bends, Rotation.identity())
+    imported = import_logs([path], log_map("kPa", arm="length = 0.15\n"))
+    assert imported.interpolated == ""
+    sparse = replace(imported, segments=replace(imported.segments, rows=150))
+    assert "400 steps from 150 rows: most lie between" in "\n".join(summary(sparse))
+    assert "most steps lie between rows" in verdict(sparse)

@@ -142,6 +142,14 @@ class Imported:
     undetermined: tuple[str, ...]
     unusual: tuple[str, ...]
 
+    @property
+    def interpolated(self) -> str:
+        """Steps and rows, where most steps lie between rows; else empty."""
+        steps = sum(len(episode) for episode in self.episodes)
+        if steps <= 2 * self.segments.rows:
+            return ""
+        return f"{steps} steps from {counted(self.segments.rows, 'row')}"
+
 
 def import_logs(
     paths: Sequence[str | os.PathLike],

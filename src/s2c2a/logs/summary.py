@@ -56,6 +56,11 @@ def summary(imported: Imported) -> list[str]:
         warnings.append(
             f"unusual: {'; '.join(imported.unusual)}: check units, offsets and frame"
         )
+    if imported.interpolated:
+        warnings.append(
+            f"{imported.interpolated}: most lie between rows; check rows.unit, or state "
+            "an arm.control_rate near the rate of the rows"
+        )
     lines += [f"warning: {text}" for text in warnings if text]
     return lines + [f"ambiguous: {text}" for text in imported.ambiguities]
 
@@ -88,6 +93,7 @@ def verdict(imported: Imported) -> str:
         "numbers are unusual": imported.unusual,
         "signs are ambiguous": imported.ambiguities,
         "the frame moves": imported.segments.frame_motions,
+        "most steps lie between rows": imported.interpolated,
     }
     given = [reason for reason, why in reasons.items() if why]
     return f"usable with care ({'; '.join(given)})" if given else "usable"
