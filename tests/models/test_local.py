@@ -103,7 +103,7 @@ def test_samples_that_judge_train_the_model_that_is_kept_too(arm, trained):
 
 
 @pytest.mark.slow
-def test_a_network_that_only_learns_noise_is_left_out(arm):
+def test_noise_is_not_learned_and_a_pattern_is(arm):
     data = data_of(arm)
     noise = np.random.default_rng(0).normal(0.0, 0.02, data.states.shape)
     bends = bends_from_configurations(jnp.asarray(data.sensed))
@@ -111,11 +111,12 @@ def test_a_network_that_only_learns_noise_is_left_out(arm):
     straight = np.asarray(jax.jit(states_from_bends)(bends, lengths))
     options = replace(SIZE, hidden=64, depth=2)
     fit = FitOptions(learning_rate=0.01, max_epochs=40, patience=40)
-    for states, is_left_out in ((straight + noise, True), (data.states, False)):
-        noisy = replace(data, states=states.astype(np.float32))
-        network = options.train(noisy, fit, jax.random.key(0)).network.chain.network
-        largest = max(float(abs(layer.weight).max()) for layer in network.layers)
-        assert (largest < 0.1) == is_left_out
+    for true, seen in ((straight, straight + noise), (data.states, data.states)):
+        given = replace(data, states=seen.astype(np.float32))
+        model = options.train(given, fit, jax.random.key(0)).network
+        errors = (options.predictions(model, data) - true)[..., -1, :3]
+        # the noise is 32 mm, and the pattern moves the tip by 13 mm
+        assert np.linalg.norm(errors, axis=-1).mean() < 0.004
 
 
 def test_answers_along_an_episode_are_those_of_observing_and_predicting(arm, trained):

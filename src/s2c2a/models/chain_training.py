@@ -156,7 +156,7 @@ class ChainOptions(ForwardOptions):
     ) -> Trained[ChainC2S]:
         """Train a chain further, without a weight of its network's size."""
         split = hysteresis_samples(model, data)
-        loss = _ChainLoss(jnp.zeros(()), jnp.ones(()))
+        loss = _further(model, jnp.zeros(()))
         return train(model, loss, predicted_targets, split, fit, key, quiet)
 
     def train_on_all(
@@ -168,16 +168,10 @@ class ChainOptions(ForwardOptions):
         progress: TrainingProgress = quiet,
         is_free: bool = False,
     ) -> ChainC2S:
-        """Train a chain further, also on the samples that were held out before.
-
-        Its stiffness stays: samples without payload hardly determine it, it would drift,
-        and predictions under a payload would err.
-        """
+        """Train a chain further, also on the samples that were held out before."""
         samples = hysteresis_inputs(model, data), data.states, data.lengths
         split = replace(forward_samples(*samples), training=known_samples(*samples))
-        stiffness = model.equilibrium.log_stiffness
-        ridge = (1.0 - is_free) * _ridge(split.training)
-        loss = _ChainLoss(ridge, jnp.ones(()), stiffness=stiffness)
+        loss = _further(model, (1.0 - is_free) * _ridge(split.training))
         return train(model, loss, predicted_targets, split, fit, key, progress).network
 
     def resume_training(  # type: ignore[override]
@@ -307,6 +301,15 @@ class _ChainLoss(eqx.Module):
         squares = [jnp.sum(layer.weight**2) for layer in model.network.layers]
         mean += self.ridge * sum(squares)
         return mean if self.penalty is None else mean + self.penalty(model)
+
+
+def _further(model: ChainC2S, ridge: Scalar) -> _ChainLoss:
+    """Loss of a trained chain.
+
+    Its stiffness stays: samples without payload hardly determine it, it would drift,
+    and predictions under a payload would err.
+    """
+    return _ChainLoss(ridge, jnp.ones(()), stiffness=model.equilibrium.log_stiffness)
 
 
 def _ridge(samples: Samples) -> Array:
