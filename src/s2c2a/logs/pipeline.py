@@ -148,7 +148,7 @@ class Imported:
         steps = sum(len(episode) for episode in self.episodes)
         if steps <= 2 * self.segments.rows:
             return ""
-        return f"{steps} steps from {counted(self.segments.rows, 'row')}"
+        return f"{counted(steps, 'step')} from {counted(self.segments.rows, 'row')}"
 
 
 def import_logs(
