@@ -1,12 +1,17 @@
 """Imports load what they need, and the core runs where its wings are missing."""
 
+import importlib
 import json
+import pkgutil
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+import s2c2a
+from s2c2a.errors import S2C2AError
 from test_house import WINGS, code_lines
 
 MAX_MODULES = 63
@@ -94,3 +99,19 @@ def test_the_core_runs_where_wings_and_drivers_are_missing(tmp_path):
     # commands of what is missing are named, and the others work
     assert "the command 'live' cannot be loaded" in done.stderr
     assert (tmp_path / "run" / "twin_arm.episodes").is_file()
+
+
+def test_every_module_is_imported():
+    """Commands import figures where they draw them, and slow tests alone draw all."""
+    packages = pkgutil.walk_packages(s2c2a.__path__, "s2c2a.")
+    names = [each.name for each in packages if not each.name.endswith("__main__")]
+    assert len(names) > 300
+    missing = re.compile("No module named '(?!s2c2a)")
+    faults = {}
+    for name in names:
+        try:
+            importlib.import_module(name)
+        except (ImportError, S2C2AError) as error:
+            if not missing.search(str(error)):
+                faults[name] = error
+    assert faults == {}

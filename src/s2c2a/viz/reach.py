@@ -22,7 +22,7 @@ from s2c2a.viz.mounting import View
 GAP = 0.04  # of the arm's length, chosen by eye: narrower gaps are no holes
 # turns about the axis that positions are repeated at, between directions of the table;
 # gravity changes positions by millimeters over them
-TURNS = Rotation.from_euler("z", np.arange(-12, 13, 4), degrees=True)
+TURNS = Rotation.from_rotvec(np.deg2rad(np.outer(np.arange(-12, 13, 4), (0, 0, 1))))
 
 
 def reach_figure(
