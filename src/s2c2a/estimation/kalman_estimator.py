@@ -132,15 +132,19 @@ def _estimate(
 ) -> Estimate:
     disturbances = state.disturbances
     biases = disturbances.bend_biases.reshape(-1)
+    rejected = disturbance_filter.unused(state)
+    seen = measurements.get("camera_positions")
+    if seen is not None:
+        seen = jnp.where(rejected["camera"], jnp.nan, seen)
     return Estimate(
         configuration,
         disturbances,
         covariance=state.covariance,
         external_force=disturbance_filter.external_force(biases),
-        rejected=disturbance_filter.unused(state),
+        rejected=rejected,
         hysteresis=state.hysteresis,
         memory=state,
-        seen=measurements.get("camera_positions"),
+        seen=seen,
     )
 
 

@@ -1,9 +1,8 @@
-"""Rules by which the filter rejects a sensor, one function each.
+"""Rules by which the filter rejects a sensor.
 
 1. A measurement beyond the gate, which no other payload explains, is an outlier.
-2. A residual beyond the sensor's range is a fault.
-3. A residual that leaves its slow average shows drift, wrong latency or a jump.
-4. A sensor with one of these stays rejected for a while.
+2. A residual that leaves its slow average shows drift, wrong latency or a jump.
+3. A sensor with one of these stays rejected for a while.
 """
 
 from typing import NamedTuple
@@ -54,7 +53,7 @@ class Compared(NamedTuple):
     Attributes:
         unexplained: residual that no other payload explains.
         by_biases: the part of the prediction that is due to bend biases; they count as
-            residual in rule 3, so that a fault that moves them shows, too.
+            residual in rule 2, so that a fault that moves them shows, too.
         is_present: which values were measured.
         innovation: of the sensor model, with the limits of its residual.
     """
@@ -78,33 +77,12 @@ def is_beyond_gate(
     return jnp.sqrt(squared / jnp.maximum(is_present.sum(), 1)) > NOISE_LIMIT
 
 
-def is_beyond_range(compared: Compared) -> Truth:
-    """Rule 2: a residual exceeds the range of the sensor."""
-    residual = jnp.where(compared.is_present, compared.unexplained, 0.0)
-    return jnp.any(jnp.abs(residual) > compared.innovation.max_residual)
-
-
-def has_left_average(residual: Values, usual: Values, compared: Compared) -> Truth:
-    """Rule 3: the residual has left its slow average.
-
-    After an external force the average follows.
-    """
-    deviation = jnp.where(compared.is_present, residual - usual, 0.0)
-    return jnp.any(jnp.abs(deviation) > compared.innovation.max_change)
-
-
-def remaining_rejection(
-    history: SensorHistory, is_outlier: Truth, period: float
-) -> Scalar:
-    """Rule 4: an outlier rejects its sensor for `REJECTION_TIME` [s]."""
-    remaining = jnp.maximum(history.rejected_for - period, 0.0)
-    return jnp.where(is_outlier, REJECTION_TIME, remaining)
-
-
 def judged(
     history: SensorHistory, compared: Compared, is_outlier: Truth, period: float
 ) -> SensorHistory:
-    """The sensor's past after a measurement: all rules, one after the other.
+    """The sensor's past after a measurement.
+
+    After an external force the average follows, and the sensor counts again.
 
     Args:
         history: before the measurement.
@@ -118,11 +96,12 @@ def judged(
     start = jnp.where(history.usual == LARGEST, residual, history.usual)
     share = jnp.minimum(elapsed / SLOW_AVERAGING_TIME, 1.0)
     usual = start + share * (residual - start)
-    has_left = has_left_average(residual, usual, compared)
-    is_outlier = is_outlier | is_beyond_range(compared) | has_left
+    has_left = abs(residual - usual) > compared.innovation.max_change
+    is_outlier = is_outlier | (is_present & has_left).any()
+    remaining = jnp.maximum(history.rejected_for - period, 0.0)
     return SensorHistory(
         usual=jnp.where(is_present, usual, history.usual),
         unseen_for=jnp.where(is_present.any(), 0.0, elapsed),
-        rejected_for=remaining_rejection(history, is_outlier, period),
+        rejected_for=jnp.where(is_outlier, REJECTION_TIME, remaining),
         lag=compared.innovation.lag,
     )

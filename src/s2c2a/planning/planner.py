@@ -323,10 +323,7 @@ class Step(NamedTuple):
             ends = planned.states[:, POSITION]
             gaps = gaps_of(self.model, ends, seen, goal, arcs)
             ahead = terms.largest_bend(solver.knots[-1] - planned.bends)
-            is_seen = seen is not None
-            rest = rest.after(
-                ahead, gaps, is_seen, planned.bends, goal, self.arm, stride
-            )
+            rest = rest.after(ahead, gaps, planned.bends, goal, self.arm, stride)
             judged = jnp.where(rest.is_overloaded, Outcome.OVERLOADED, judged)
         # a target that stays in an obstacle is out of reach
         passes = motion.passes & (motion.step[self.arm.module_count - 1] != 0.0).any()
@@ -437,6 +434,8 @@ class Step(NamedTuple):
                 commanded = commanded_configurations(configurations, projectors)
                 configurations = _with_slopes(configurations, commanded)
             states = model.predict(configurations, memory, last.disturbances)
+            if last.rest is not None:
+                states = states.at[:, POSITION].add(last.rest.missed)
             points = points_of(states)
             extrapolation = model.extrapolation(configurations)
             return Candidate(configurations, bends, states, points, extrapolation)

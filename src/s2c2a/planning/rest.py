@@ -26,7 +26,7 @@ from s2c2a.planning.terms import Bends
 # chosen on held points of `twin_arm` and three randomized arms, under up to 100 g
 THERE = 0.003
 """Of the arm's length: commands rest at a gap that is smaller, or all but twice as large."""
-FALL = 0.1  # of the smallest gap so far: a smaller fall has not helped
+FALL = 0.15  # of the smallest gap so far: a smaller fall has not helped
 CALM = 0.02  # of the arm's length: a window whose ends vary more has a sway
 # of the arm's length: an arm that is farther from its goal, and from where cables alone
 # would hold it, in two windows, is overloaded. Of 36 held points of three randomized arms
@@ -40,14 +40,19 @@ class Rest(NamedTuple):
 
     Attributes:
         step: longest change of a module's bend in a control step [rad].
-        trust: in commands: share of the gap that they may take; halved by each window
-            that has not narrowed the smallest gap.
-        fresh: trust in commands to a gap that is new; halved by each that is predicted
-            before the arm was at its goal, so that no sway goes on for ever.
+        trust: in commands: share of the gap that they may take; doubled by each window
+            that narrows the smallest gap, halved by each in which the arm moved another
+            way, and a little less after each in which it did not.
+        fresh: trust in commands to a gap that is new; halved by each before the arm was
+            at its goal, so that no sway goes on for ever.
         is_slow: whether the goal rests, and the plan has arrived or had its time.
         smallest: gap in a window so far, since something has changed [m].
-        gaps: sum of the gaps between ends and goal in this window [m].
-        squares: sums of their squares, and of those of gaps from arcs [m2].
+        before: gap in the last window [m].
+        missed: how far from the model's prediction ends are seen [m]; bends do not
+            explain all of it.
+        gaps: sums of the gaps between ends and goal, and ends and prediction, in this
+            window [m].
+        squares: sums of squares of gaps from the goal, and from arcs [m2].
         judged: number of them.
         steps: of this window.
         fallen: windows since the arm has fallen.
@@ -59,7 +64,9 @@ class Rest(NamedTuple):
     fresh: Scalar
     is_slow: Truth
     smallest: Scalar
-    gaps: Float[Array, "modules 3"]
+    before: Float[Array, "modules 3"]
+    missed: Float[Array, "modules 3"]
+    gaps: Float[Array, "2 modules 3"]
     squares: Float[Array, "2"]
     judged: Int[Array, ""]
     steps: Int[Array, ""]
@@ -70,10 +77,11 @@ class Rest(NamedTuple):
     def none(cls, arm: ArmSpec) -> "Rest":
         """Of an arm that follows its goal."""
         limit = jnp.asarray(ArmGeometry.of(arm).step_limit, jnp.float32)
-        gaps = jnp.zeros((arm.module_count, 3))
+        gaps = jnp.zeros((2, arm.module_count, 3))
         one, zero = jnp.ones(()), jnp.zeros((), jnp.int32)
         window = gaps, jnp.zeros(2), zero, zero
-        return cls(limit, one, one, zero > 0, one * jnp.inf, *window, zero, gaps[:, :2])
+        known = one, one, zero > 0, one * jnp.inf, *gaps
+        return cls(limit, *known, *window, zero, gaps[0, :, :2])
 
     @property
     def is_overloaded(self) -> Truth:
@@ -83,8 +91,7 @@ class Rest(NamedTuple):
     def after(
         self,
         ahead: Scalar,
-        gaps: Float[Array, "2 modules 3"],
-        is_seen: bool,
+        gaps: Float[Array, "3 modules 3"],
         bends: Bends,
         goal: Goal,
         arm: ArmSpec,
@@ -94,9 +101,7 @@ class Rest(NamedTuple):
 
         Args:
             ahead: largest change of a module's bend to the end of the horizon [rad].
-            gaps: between ends and goal, and between ends and those of arcs without a
-                load [m]; NaN if nothing was seen.
-            is_seen: whether a camera sees the ends; gaps are predictions without one.
+            gaps: of ends from goal, prediction and arcs (`gaps_of`) [m].
             bends: that are planned [rad].
             goal: that rests; a straight arm to the farthest end with a goal is the lever
                 of steps, and they go on where a direction is desired, which is not seen.
@@ -113,13 +118,14 @@ class Rest(NamedTuple):
         now = self._replace(
             step=jnp.where(is_slow & ~self.is_slow, slow, self.step),
             is_slow=is_slow,
-            gaps=self.gaps + seen[0],
-            squares=self.squares + jnp.sum(seen**2, axis=(1, 2)),
+            gaps=self.gaps + seen[:2],
+            squares=self.squares + jnp.sum(seen[::2] ** 2, axis=(1, 2)),
             judged=self.judged + is_judged,
             steps=self.steps + 1,
         )
         squares = now.squares / now.judged
-        gap = jnp.linalg.norm(now.gaps / now.judged)
+        mean, missed = now.gaps / jnp.maximum(now.judged, 1)
+        gap = jnp.linalg.norm(mean)
         is_calm = squares[0] - gap**2 < (CALM * arm.length) ** 2
         gap = jnp.where(now.judged > 0, gap, self.smallest)
         there = THERE * arm.length
@@ -127,10 +133,13 @@ class Rest(NamedTuple):
         is_new = gap > 2.0 * jnp.maximum(self.smallest, there)
         is_new |= jnp.isinf(self.smallest) & (now.judged > 0)
         narrows = gap < (1.0 - FALL) * self.smallest
-        trust = jnp.minimum(jnp.where(narrows, 2.0, 0.5) * self.trust, self.fresh)
+        # in its direction, within 60 deg: backlash takes up commands that move nothing
+        stays = jnp.sum(mean * self.before) > 0.5 * gap * jnp.linalg.norm(self.before)
+        change = jnp.where(narrows, 2.0, jnp.where(stays, 1.0 - FALL, 0.5))
+        trust = jnp.minimum(change * self.trust, self.fresh)
         trust = jnp.maximum(jnp.where(is_new, self.fresh, trust), STILL)
-        is_doubtful = is_new & jnp.isfinite(self.smallest) & (not is_seen)
-        fresh = jnp.where(is_doubtful, 0.5, 1.0) * self.fresh
+        comes_back = is_new & jnp.isfinite(self.smallest)
+        fresh = jnp.where(comes_back, 0.5, 1.0) * self.fresh
         least = STILL**2 * slow
         reaches = np.cumsum(ArmGeometry.of(arm).lengths)
         reach = jnp.max((goal.position_weights > 0.0) * reaches)
@@ -141,8 +150,8 @@ class Rest(NamedTuple):
         fastest = jnp.where(now.judged > 0, slow, trust * slow)
         step = jnp.where(rested, STILL * least, jnp.clip(step, least, fastest))
         lies = (squares > (FALLEN * arm.length) ** 2).all()
-        stays = self.is_overloaded & ~(squares[0] <= (CALM * arm.length) ** 2)
-        fallen = jnp.where(lies | stays, self.fallen + 1, 0)
+        is_away = self.is_overloaded & ~(squares[0] <= (CALM * arm.length) ** 2)
+        fallen = jnp.where(lies | is_away, self.fallen + 1, 0)
         # it goes to rest, or to where it is calm before that
         calm = jnp.where(self.is_overloaded, self.calm, none.calm)
         later = none._replace(
@@ -151,6 +160,8 @@ class Rest(NamedTuple):
             fresh=jnp.where(gap < there, 1.0, fresh),
             is_slow=is_slow,
             smallest=jnp.where(is_new, gap, jnp.minimum(self.smallest, gap)),
+            before=mean,
+            missed=self.missed + missed,
             fallen=fallen,
             calm=jnp.where(is_calm & ~lies, bends, calm),
         )
@@ -174,8 +185,8 @@ def gaps_of(
     seen: Float[Numbers, "modules 3"] | None,
     goal: Goal,
     arcs: Float[Array, "modules 3"],
-) -> Float[Array, "2 modules 3"]:
-    """Gaps between ends and goal, and ends and arcs [m]; NaN if nothing was seen.
+) -> Float[Array, "3 modules 3"]:
+    """Gaps of ends from goal, prediction and arcs [m]; NaN if nothing was seen.
 
     Args:
         model: that predicts the ends.
@@ -185,12 +196,13 @@ def gaps_of(
         goal: for the next state; gaps of ends that it leaves free are zero.
         arcs: ends of the arm as arcs without a load, base frame [m].
     """
+    expected = ends
     if seen is not None:
         unseen = jnp.where(jnp.isfinite(seen).any(), ends, jnp.nan)
         ends = jnp.where(jnp.isfinite(seen), seen, unseen)
     is_desired = jnp.asarray(goal.position_weights)[:, None] > 0.0
-    gaps = jnp.stack([ends - goal.positions, model.to_base(ends) - arcs])
-    return jnp.where(is_desired, gaps, 0.0 * ends)
+    gaps = [ends - goal.positions, ends - expected, model.to_base(ends) - arcs]
+    return jnp.where(is_desired, jnp.stack(gaps), 0.0 * ends)
 
 
 def rests(goal: Goal, before: GoalMotion) -> Truth:

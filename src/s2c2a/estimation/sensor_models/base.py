@@ -57,9 +57,8 @@ class Innovation(NamedTuple):
             shape (values,).
         jacobian: derivative of the prediction by the bends, shape (values, 2 modules).
         std: standard deviation of the measurement noise, shape (values,).
-        max_residual: a larger residual is a fault of the sensor, shape () or (values,).
-        max_change: a residual that differs more from its slow average is a fault, shape
-            () or (values,).
+        max_change: a residual that differs more from its slow average is a fault of the
+            sensor, shape () or (values,); negative where the measurement itself is one.
         lag: memory of the sensor's hysteresis after this measurement.
         age: time since the measurement was taken [s].
     """
@@ -67,7 +66,6 @@ class Innovation(NamedTuple):
     residual: Values
     jacobian: Float[Array, "values bends"]
     std: Values
-    max_residual: float | Float[Array, "..."] = np.inf
     max_change: float | Float[Array, "..."] = np.inf
     lag: Numbers = EMPTY
     age: float | Scalar = 0.0

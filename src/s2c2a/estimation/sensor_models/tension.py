@@ -63,11 +63,11 @@ class TensionSensor(SensorModel):
             (measured - predicted).reshape(-1),
             jacobian.reshape(predicted.size, -1),
             jnp.broadcast_to(std, predicted.shape).reshape(-1),
-            # no cable pushes, so that a negative tension is a fault or noise.
-            # No `max_change`: a payload that is attached changes tensions as much as a
-            # fault does, and the slack cables hide it from the filter at first
-            max_residual=jnp.where(
-                jnp.min(measured) < -NOISE_LIMIT * self.noise, 0.0, jnp.inf
+            # no cable pushes, so that a negative tension is a fault or noise. Others may
+            # change: a payload that is attached changes tensions as much as a fault
+            # does, and the slack cables hide it from the filter at first
+            max_change=jnp.where(
+                jnp.min(measured) < -NOISE_LIMIT * self.noise, -1.0, jnp.inf
             ),
         )
 
