@@ -323,7 +323,7 @@ class Step(NamedTuple):
             ends = planned.states[:, POSITION]
             gaps = gaps_of(self.model, ends, seen, goal, arcs)
             ahead = terms.largest_bend(solver.knots[-1] - planned.bends)
-            rest = rest.after(ahead, gaps, planned.bends, goal, self.arm, stride)
+            rest = rest.after(ahead, *gaps, planned.bends, goal, self.arm, stride)
             judged = jnp.where(rest.is_overloaded, Outcome.OVERLOADED, judged)
         # a target that stays in an obstacle is out of reach
         passes = motion.passes & (motion.step[self.arm.module_count - 1] != 0.0).any()

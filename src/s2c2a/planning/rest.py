@@ -17,6 +17,7 @@ from jaxtyping import Array, Float, Int
 from s2c2a.arm import ArmGeometry, ArmSpec
 from s2c2a.execution.compilation import select
 from s2c2a.goals import PREVIEW, Goal
+from s2c2a.kinematics import limit_lengths
 from s2c2a.kinematics.bends import Numbers, Scalar, Truth
 from s2c2a.models.forward_model import ForwardModel
 from s2c2a.planning.motion import GoalMotion
@@ -43,13 +44,13 @@ class Rest(NamedTuple):
         trust: in commands: share of the gap that they may take; doubled by each window
             that narrows the smallest gap, halved by each in which the arm moved another
             way, and a little less after each in which it did not.
-        fresh: trust in commands to a gap that is new; halved by each before the arm was
-            at its goal, so that no sway goes on for ever.
+        fresh: trust in commands to a gap that is new; halved by each, so that no fast
+            sway goes on for ever; regained in time, or at the goal.
         is_slow: whether the goal rests, and the plan has arrived or had its time.
         smallest: gap in a window so far, since something has changed [m].
         before: gap in the last window [m].
-        missed: how far from the model's prediction ends are seen [m]; bends do not
-            explain all of it.
+        missed: how far from the model's prediction ends are seen [m], as bends do not
+            explain all of it; limited, since cameras err, too.
         gaps: sums of the gaps between ends and goal, and ends and prediction, in this
             window [m].
         squares: sums of squares of gaps from the goal, and from arcs [m2].
@@ -77,11 +78,11 @@ class Rest(NamedTuple):
     def none(cls, arm: ArmSpec) -> "Rest":
         """Of an arm that follows its goal."""
         limit = jnp.asarray(ArmGeometry.of(arm).step_limit, jnp.float32)
-        gaps = jnp.zeros((2, arm.module_count, 3))
+        gap = jnp.zeros((arm.module_count, 3))
         one, zero = jnp.ones(()), jnp.zeros((), jnp.int32)
-        window = gaps, jnp.zeros(2), zero, zero
-        known = one, one, zero > 0, one * jnp.inf, *gaps
-        return cls(limit, *known, *window, zero, gaps[0, :, :2])
+        known = one, one, zero > 0, one * jnp.inf, gap, gap
+        window = jnp.stack([gap, gap]), jnp.zeros(2), zero, zero
+        return cls(limit, *known, *window, zero, gap[:, :2])
 
     @property
     def is_overloaded(self) -> Truth:
@@ -92,6 +93,7 @@ class Rest(NamedTuple):
         self,
         ahead: Scalar,
         gaps: Float[Array, "3 modules 3"],
+        is_measured: Truth,
         bends: Bends,
         goal: Goal,
         arm: ArmSpec,
@@ -102,6 +104,8 @@ class Rest(NamedTuple):
         Args:
             ahead: largest change of a module's bend to the end of the horizon [rad].
             gaps: of ends from goal, prediction and arcs (`gaps_of`) [m].
+            is_measured: whether they count in the mean of this window; in one without
+                such gaps, the last one counts.
             bends: that are planned [rad].
             goal: that rests; a straight arm to the farthest end with a goal is the lever
                 of steps, and they go on where a direction is desired, which is not seen.
@@ -110,28 +114,28 @@ class Rest(NamedTuple):
         """
         none = Rest.none(arm)
         slow = STILL * none.step
-        is_judged = jnp.isfinite(gaps).all()
-        seen = jnp.where(is_judged, gaps, 0.0)
         window = 2 * PREVIEW * stride  # longer than the slowest vibration
+        is_last = (self.judged == 0) & (self.steps + 1 >= window)
+        is_judged = is_measured | is_last
+        judged = jnp.where(is_judged, gaps, 0.0)
         arrived = ahead < PREVIEW * stride * slow  # slow steps do not hold the plan up
         is_slow = self.is_slow | arrived | (self.steps >= window)
         now = self._replace(
             step=jnp.where(is_slow & ~self.is_slow, slow, self.step),
             is_slow=is_slow,
-            gaps=self.gaps + seen[:2],
-            squares=self.squares + jnp.sum(seen[::2] ** 2, axis=(1, 2)),
+            gaps=self.gaps + judged[:2],
+            squares=self.squares + jnp.sum(judged[::2] ** 2, axis=(1, 2)),
             judged=self.judged + is_judged,
             steps=self.steps + 1,
         )
         squares = now.squares / now.judged
-        mean, missed = now.gaps / jnp.maximum(now.judged, 1)
+        mean, missed = now.gaps / now.judged
         gap = jnp.linalg.norm(mean)
         is_calm = squares[0] - gap**2 < (CALM * arm.length) ** 2
-        gap = jnp.where(now.judged > 0, gap, self.smallest)
         there = THERE * arm.length
         # by more than its friction: it was pushed, creeps, or carries something else
         is_new = gap > 2.0 * jnp.maximum(self.smallest, there)
-        is_new |= jnp.isinf(self.smallest) & (now.judged > 0)
+        is_new |= jnp.isinf(self.smallest)
         narrows = gap < (1.0 - FALL) * self.smallest
         # in its direction, within 60 deg: backlash takes up commands that move nothing
         stays = jnp.sum(mean * self.before) > 0.5 * gap * jnp.linalg.norm(self.before)
@@ -139,16 +143,14 @@ class Rest(NamedTuple):
         trust = jnp.minimum(change * self.trust, self.fresh)
         trust = jnp.maximum(jnp.where(is_new, self.fresh, trust), STILL)
         comes_back = is_new & jnp.isfinite(self.smallest)
-        fresh = jnp.where(comes_back, 0.5, 1.0) * self.fresh
+        fresh = jnp.where(comes_back, 0.5, 1.0 + FALL) * self.fresh
         least = STILL**2 * slow
         reaches = np.cumsum(ArmGeometry.of(arm).lengths)
         reach = jnp.max((goal.position_weights > 0.0) * reaches)
         step = trust * gap / (reach * now.steps)
         rested = (gap < there) | ((self.step < least) & ~is_new)
         rested &= ~(jnp.asarray(goal.axis_weights) > 0.0).any()
-        # a gap that was never seen is taken for a wide one
-        fastest = jnp.where(now.judged > 0, slow, trust * slow)
-        step = jnp.where(rested, STILL * least, jnp.clip(step, least, fastest))
+        step = jnp.where(rested, STILL * least, jnp.clip(step, least, slow))
         lies = (squares > (FALLEN * arm.length) ** 2).all()
         is_away = self.is_overloaded & ~(squares[0] <= (CALM * arm.length) ** 2)
         fallen = jnp.where(lies | is_away, self.fallen + 1, 0)
@@ -157,11 +159,11 @@ class Rest(NamedTuple):
         later = none._replace(
             step=jnp.where(fallen > 1, slow, step),
             trust=trust,
-            fresh=jnp.where(gap < there, 1.0, fresh),
+            fresh=jnp.where(gap < there, 1.0, jnp.minimum(fresh, 1.0)),
             is_slow=is_slow,
             smallest=jnp.where(is_new, gap, jnp.minimum(self.smallest, gap)),
             before=mean,
-            missed=self.missed + missed,
+            missed=limit_lengths(self.missed + missed, CALM * arm.length),
             fallen=fallen,
             calm=jnp.where(is_calm & ~lies, bends, calm),
         )
@@ -185,24 +187,23 @@ def gaps_of(
     seen: Float[Numbers, "modules 3"] | None,
     goal: Goal,
     arcs: Float[Array, "modules 3"],
-) -> Float[Array, "3 modules 3"]:
-    """Gaps of ends from goal, prediction and arcs [m]; NaN if nothing was seen.
+) -> tuple[Float[Array, "3 modules 3"], Truth]:
+    """Gaps of ends from goal, prediction and arcs [m], and whether they were measured.
 
     Args:
         model: that predicts the ends.
         ends: as predicted [m].
-        seen: in a new picture [m]; NaN where there is none, and None without a camera:
-            then the prediction counts.
+        seen: in a new picture [m]; where it is NaN, and without a camera (None), the
+            prediction counts.
         goal: for the next state; gaps of ends that it leaves free are zero.
         arcs: ends of the arm as arcs without a load, base frame [m].
     """
-    expected = ends
-    if seen is not None:
-        unseen = jnp.where(jnp.isfinite(seen).any(), ends, jnp.nan)
-        ends = jnp.where(jnp.isfinite(seen), seen, unseen)
+    seen = ends if seen is None else seen
+    is_new = jnp.isfinite(seen)
+    expected, ends = ends, jnp.where(is_new, seen, ends)
     is_desired = jnp.asarray(goal.position_weights)[:, None] > 0.0
     gaps = [ends - goal.positions, ends - expected, model.to_base(ends) - arcs]
-    return jnp.where(is_desired, jnp.stack(gaps), 0.0 * ends)
+    return jnp.where(is_desired, jnp.stack(gaps), 0.0), is_new.any()
 
 
 def rests(goal: Goal, before: GoalMotion) -> Truth:
