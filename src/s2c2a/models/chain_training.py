@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, ClassVar
 
 import equinox as eqx
@@ -12,7 +13,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
 from s2c2a.data.nominal_plans import LENGTH_UNIT
-from s2c2a.data.windows import Samples, Split, forward_samples, known_samples
+from s2c2a.data.windows import Samples, Split, forward_samples
 from s2c2a.kinematics import bends_from_states
 from s2c2a.kinematics.bends import Scalar
 from s2c2a.models.arrays import PerModule
@@ -143,36 +144,13 @@ class ChainOptions(ForwardOptions):
         split = hysteresis_samples(model, data)
         if np.isfinite(split.training.targets).all():
             model = _with_fitted_hysteresis(model, split.training)
-        ridge = _ridge(split.training)
-        physics = _ChainLoss(ridge, jnp.zeros(()))
+        ridge = ridge_of(split.training)
+        physics = _ChainLoss(ridge, share=jnp.zeros(()))
         shorter = shortened(fit, FEW_EPOCHS)
         first = train(model, physics, predicted_targets, split, shorter, fit_key, quiet)
         model = first.network
-        loss = _ChainLoss(ridge, jnp.ones(()))
+        loss = _ChainLoss(ridge)
         return train(model, loss, predicted_targets, split, fit, fit_key, progress)
-
-    def train_freely(
-        self, model: ChainC2S, data: TrainingData, fit: FitOptions, key: PRNGKeyArray
-    ) -> Trained[ChainC2S]:
-        """Train a chain further, without a weight of its network's size."""
-        split = hysteresis_samples(model, data)
-        loss = _further(model, jnp.zeros(()))
-        return train(model, loss, predicted_targets, split, fit, key, quiet)
-
-    def train_on_all(
-        self,
-        model: ChainC2S,
-        data: TrainingData,
-        fit: FitOptions,
-        key: PRNGKeyArray,
-        progress: TrainingProgress = quiet,
-        is_free: bool = False,
-    ) -> ChainC2S:
-        """Train a chain further, also on the samples that were held out before."""
-        samples = hysteresis_inputs(model, data), data.states, data.lengths
-        split = replace(forward_samples(*samples), training=known_samples(*samples))
-        loss = _further(model, (1.0 - is_free) * _ridge(split.training))
-        return train(model, loss, predicted_targets, split, fit, key, progress).network
 
     def resume_training(  # type: ignore[override]
         self,
@@ -190,7 +168,7 @@ class ChainOptions(ForwardOptions):
         """
         penalty = _Penalty(PRIOR_PENALTY, parameters(model), parameters(spread))
         split = hysteresis_samples(model, data)
-        loss = _ChainLoss(jnp.zeros(()), jnp.ones(()), penalty)
+        loss = _ChainLoss(jnp.zeros(()), penalty=penalty)
         return train(model, loss, predicted_targets, split, fit, key, progress)
 
     def pretrain(
@@ -212,7 +190,7 @@ class ChainOptions(ForwardOptions):
         report = part_of(progress, 0, epochs)
         joint = self.train(together, joint_fit, key, report)
         penalty = _Penalty(ARM_PENALTY, parameters(joint.network), [])
-        loss = _ChainLoss(jnp.zeros(()), jnp.ones(()), penalty)
+        loss = _ChainLoss(jnp.zeros(()), penalty=penalty)
         chains = []
         for number, data in enumerate(arms, start=1):
             split = hysteresis_samples(joint.network, data)
@@ -279,7 +257,7 @@ class _ChainLoss(eqx.Module):
     """
 
     ridge: Scalar
-    share: Scalar
+    share: Scalar = eqx.field(default_factory=partial(jnp.ones, ()))
     penalty: _Penalty | None = None
     stiffness: PerModule | None = None
 
@@ -303,16 +281,24 @@ class _ChainLoss(eqx.Module):
         return mean if self.penalty is None else mean + self.penalty(model)
 
 
-def _further(model: ChainC2S, ridge: Scalar) -> _ChainLoss:
-    """Loss of a trained chain.
+def train_further(
+    model: ChainC2S,
+    split: Split,
+    ridge: Scalar,
+    fit: FitOptions,
+    key: PRNGKeyArray,
+    progress: TrainingProgress = quiet,
+) -> Trained[ChainC2S]:
+    """Train a chain further, with another weight of its network's size.
 
     Its stiffness stays: samples without payload hardly determine it, it would drift,
     and predictions under a payload would err.
     """
-    return _ChainLoss(ridge, jnp.ones(()), stiffness=model.equilibrium.log_stiffness)
+    loss = _ChainLoss(ridge, stiffness=model.equilibrium.log_stiffness)
+    return train(model, loss, predicted_targets, split, fit, key, progress)
 
 
-def _ridge(samples: Samples) -> Array:
+def ridge_of(samples: Samples) -> Array:
     """`RIDGE` over the number of samples, as a prior of the weights counts."""
     return jnp.asarray(RIDGE / len(samples.targets))
 

@@ -27,7 +27,9 @@ from s2c2a.models.chain_training import (
     hysteresis_samples,
     part_of,
     predicted_targets,
+    ridge_of,
     shortened,
+    train_further,
 )
 from s2c2a.models.data_region import DataRegion, fit_region
 from s2c2a.models.forward_model import ForwardModel
@@ -95,14 +97,19 @@ class LocalOptions(ChainOptions):
         # the size of the first network counts, that of the second does not
         bound = options.train(data, fit, key, part_of(progress, 0, total))
         fewer = shortened(fit, FEW_EPOCHS)
-        free = options.train_freely(bound.network, data, fewer, key)
+        split = hysteresis_samples(bound.network, data)
+        free = train_further(bound.network, split, jnp.zeros(()), fewer, key)
         judged = [self._with_process(each, data, key) for each in (bound, free)]
         (best, errors), (other, others) = judged
         is_free = is_smaller(others, errors, SURE)
         best = other if is_free else best
         second = part_of(progress, fit.max_epochs, total)
         chain = best.network.chain
-        whole = options.train_on_all(chain, data, fit, key, second, is_free)
+        samples = hysteresis_inputs(chain, data), data.states, data.lengths
+        # also those that were held out before
+        split = replace(forward_samples(*samples), training=known_samples(*samples))
+        ridge = jnp.zeros(()) if is_free else ridge_of(split.training)
+        whole = train_further(chain, split, ridge, fit, key, second).network
         inputs = hysteresis_inputs(whole, data)
         model = replace(best.network, chain=whole)
         network = _given(model, known_samples(inputs, data.states, data.lengths))
