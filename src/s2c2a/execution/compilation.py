@@ -20,7 +20,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import monitoring
 from jaxtyping import Array, Bool, Float
 
 from s2c2a.execution import executables
@@ -33,21 +32,6 @@ MAPS = Path("/proc/self/maps")  # Linux only
 MAX_MAPS = 20_000
 """Memory maps of a process from which it forgets its compiled programs: a third of the
 65,530 that Linux allows."""
-_COMPILATION_EVENT = "/jax/core/compile/backend_compile_duration"
-_compilation_count = [0]
-
-
-def compilations() -> int:
-    """Number of programs compiled, or read from the cache, since the import."""
-    return _compilation_count[0]
-
-
-def _count_compilation(event: str, duration_secs: float, **_: str | int) -> None:
-    if event == _COMPILATION_EVENT:
-        _compilation_count[0] += 1
-
-
-monitoring.register_event_duration_secs_listener(_count_compilation)
 
 
 def compiled(function: Callable[..., Any], *parts: Any) -> Callable[..., Any]:

@@ -25,6 +25,7 @@ from s2c2a.strategies.trained import TrainedNetworks
 from s2c2a.training import Trained
 from s2c2a.training.fit import Fixed
 
+Gains = Float[np.ndarray, " modules"] | float
 GAINS = "gains"
 PLANNING_KEYS = frozenset({"planner", "axis_weights"})
 """Keys of a recipe that count without networks."""
@@ -46,7 +47,12 @@ class PlainPCC(StrategyOptions):
         trained: TrainedNetworks | None,
         run: RunOptions,
     ) -> Strategy:
-        return pcc_strategy(arm, replace(recipe.planner, guard=run.guard))
+        options = replace(recipe.planner, guard=run.guard)
+        return pcc_strategy(arm, options, 1.0 / self.gains(trained), self.name)
+
+    def gains(self, trained: TrainedNetworks | None) -> Gains:
+        """True bend over the bend by the encoders."""
+        return 1.0
 
 
 class FittedGains(Fixed):
@@ -60,11 +66,10 @@ class FittedGains(Fixed):
 
 
 @dataclass(frozen=True)
-class FittedPCC(StrategyOptions):
+class FittedPCC(PlainPCC):
     """PCC with one gain per module, fitted to a recording."""
 
     name = "pcc-fitted"
-    supports = frozenset({"guard"})
     recipe_keys = PLANNING_KEYS | {"babbling", "speeds", "episodes"}
 
     def collect_options(self, recipe: Recipe, seed: int) -> CollectOptions:
@@ -89,26 +94,16 @@ class FittedPCC(StrategyOptions):
         gains = FittedGains(jnp.asarray(fitted_gains(recording), jnp.float32))
         return TrainedNetworks(recording.arm, recipe, seed, {GAINS: Trained(gains)})
 
-    def build(
-        self,
-        arm: ArmSpec,
-        recipe: Recipe,
-        trained: TrainedNetworks | None,
-        run: RunOptions,
-    ) -> Strategy:
+    def gains(self, trained: TrainedNetworks | None) -> Gains:
         if trained is None:
-            raise StrategyError(
-                "pcc-fitted needs gains that were fitted to a recording"
-            )
-        options = replace(recipe.planner, guard=run.guard)
-        gains = np.asarray(trained.trained[GAINS].network.gains, float)
-        return pcc_strategy(arm, options, 1.0 / gains, self.name)
+            raise StrategyError("pcc-fitted needs gains fitted to a recording")
+        return np.asarray(trained.trained[GAINS].network.gains, float)
 
 
 def pcc_strategy(
     arm: ArmSpec,
     options: PlannerOptions = PAPER,
-    gains: Float[np.ndarray, " modules"] | float = 1.0,
+    gains: Gains = 1.0,
     name: str = "pcc",
 ) -> Strategy:
     """PCC with the arm's nominal numbers, which needs no training.

@@ -20,8 +20,7 @@ from s2c2a.control import Controller, CorrectedController
 from s2c2a.data import CollectOptions, Recording
 from s2c2a.errors import RecordingError, StrategyError, counted, listed
 from s2c2a.estimation import MODAL_MODEL, EstimationSettings, StateEstimator
-from s2c2a.models.forward_model import ForwardModel
-from s2c2a.planning import Guard, Planner, PlannerOptions
+from s2c2a.planning import Guard, Planner
 from s2c2a.strategies.options import (
     RECIPE_KEYS,
     NetworkProgress,
@@ -274,7 +273,12 @@ def s2c2a_strategy(
     """
     arm = networks.arm
     recipe = networks.recipe
-    planner = Planner(*_planned(networks, guard), networks.networks.get(MODAL_MODEL))
+    # configurations of coupled sensors have no unit length
+    has_unit_length = recipe.unit_length or arm.sensing_coupling is None
+    on_sphere = recipe.planner.on_sphere and has_unit_length
+    options = replace(recipe.planner, guard=guard, on_sphere=on_sphere)
+    modal_model = networks.networks.get(MODAL_MODEL)
+    planner = Planner(recipe.seen_arm(arm), networks.c2s, options, modal_model)
     controller: Controller = recipe.c2a.controller(networks.c2a)
     if recipe.integral_gain:
         controller = CorrectedController(controller, recipe.integral_gain)
@@ -321,14 +325,3 @@ def planning_as(networks: TrainedNetworks, recipe: Recipe) -> TrainedNetworks:
             "that differs in planner and estimator alone"
         )
     return replace(networks, recipe=recipe)
-
-
-def _planned(
-    networks: TrainedNetworks, guard: Guard
-) -> tuple[ArmSpec, ForwardModel, PlannerOptions]:
-    """Arm, model and options; configurations of coupled sensors have no unit length."""
-    recipe = networks.recipe
-    has_unit_length = recipe.unit_length or networks.arm.sensing_coupling is None
-    on_sphere = recipe.planner.on_sphere and has_unit_length
-    options = replace(recipe.planner, guard=guard, on_sphere=on_sphere)
-    return recipe.seen_arm(networks.arm), networks.c2s, options

@@ -47,17 +47,6 @@ def table_task(path: str | os.PathLike, arm: ArmSpec) -> Task:
     return waypoints_task(name, load_waypoints(path), arm)
 
 
-def table_tracks(path: str | os.PathLike, arm: ArmSpec) -> list[Waypoints]:
-    """Return the waypoints that the task of a table has for each module.
-
-    Raises:
-        TargetError: see `table_task`.
-    """
-    if is_curve(path):
-        return curve_tracks(Path(path).stem, load_curve(path), arm)
-    return load_waypoints(path)
-
-
 def is_curve(path: str | os.PathLike) -> bool:
     """Whether the header of a table has the columns of a curve, and no others.
 
@@ -98,22 +87,10 @@ def shape_task(name: str, points: Curve, arm: ArmSpec) -> Task:
         arm: the arm; a longer curve is followed as far as the arm goes.
 
     Raises:
-        TargetError: see `curve_tracks`.
-    """
-    task = waypoints_task(name, curve_tracks(name, points, arm), arm)
-    scores = Score("shape"), Score("end distance")
-    return replace(task, scores=scores, curve=_from_base(points))
-
-
-def curve_tracks(name: str, points: Curve, arm: ArmSpec) -> list[Waypoints]:
-    """Return the desired end of each module on a curve, held for the whole task.
-
-    Raises:
         TargetError: fewer than three points, coordinates that cannot be meters, a curve
             that does not begin at the base or is shorter than the arm, or a sharp bend.
     """
-    _check_points(name, points, arm)
-    curve = _from_base(points)
+    curve = _checked_curve(name, points, arm)
     lengths = ArmGeometry.of(arm).lengths
     # a curve that is a little too short is followed in proportion
     ends = np.cumsum(lengths) * min(1.0, _arc_lengths(curve)[-1] / arm.length)
@@ -122,16 +99,13 @@ def curve_tracks(name: str, points: Curve, arm: ArmSpec) -> list[Waypoints]:
     axes = _at(curve, ends + half) - _at(curve, ends - half)
     axes /= np.linalg.norm(axes, axis=-1, keepdims=True)
     time = np.array([APPROACH_TIME + ROUND_TIME])
-    return [
+    tracks = [
         Waypoints(module, time, positions[[module]], axes[[module]])
         for module in range(arm.module_count)
     ]
-
-
-def _from_base(points: Curve) -> Curve:
-    """The curve with the base as its first point, without repeated points."""
-    curve = np.concatenate([np.zeros((1, 3)), points[1:]])
-    return curve[np.append(True, np.diff(curve, axis=0).any(axis=-1))]
+    task = waypoints_task(name, tracks, arm)
+    scores = Score("shape"), Score("end distance")
+    return replace(task, scores=scores, curve=curve)
 
 
 def _arc_lengths(curve: Curve) -> Float[np.ndarray, " points"]:
@@ -141,11 +115,11 @@ def _arc_lengths(curve: Curve) -> Float[np.ndarray, " points"]:
 
 def _at(curve: Curve, lengths: Float[np.ndarray, " ends"]) -> np.ndarray:
     """Points at arc lengths [m]; the last one beyond the end."""
-    knots = _arc_lengths(curve)
-    return interpolated(lengths, knots, curve)
+    return interpolated(lengths, _arc_lengths(curve), curve)
 
 
-def _check_points(name: str, points: Curve, arm: ArmSpec) -> None:
+def _checked_curve(name: str, points: Curve, arm: ArmSpec) -> Curve:
+    """The curve with the base as its first point, without repeated points."""
     if len(points) < 3:
         raise TargetError(
             f"the curve '{name}' has {counted(len(points), 'point')}; give at least "
@@ -158,7 +132,8 @@ def _check_points(name: str, points: Curve, arm: ArmSpec) -> None:
             f"the curve '{name}' begins {100 * gap:.1f} cm from the base; begin it at "
             "the base, 0,0,0, and list its points from base to tip"
         )
-    curve = _from_base(points)
+    curve = np.concatenate([np.zeros((1, 3)), points[1:]])
+    curve = curve[np.append(True, np.diff(curve, axis=0).any(axis=-1))]
     length = _arc_lengths(curve)[-1]
     if length < (1.0 - TOLERANCE) * arm.length:
         raise TargetError(
@@ -186,3 +161,4 @@ def _check_points(name: str, points: Curve, arm: ArmSpec) -> None:
             f"{np.rad2deg(limit):.0f} deg; begin along z, and give a wider bend, or more "
             "points where the curve bends"
         )
+    return curve
