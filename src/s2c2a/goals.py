@@ -3,13 +3,13 @@
 All goals have the same array shapes, so that a new goal causes no compilation.
 """
 
-from collections.abc import Iterator, Sequence
-from typing import Any, Literal, NamedTuple
+from collections.abc import Collection, Iterator, Sequence
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from s2c2a.errors import TargetError
+from s2c2a.errors import StrategyError, TargetError, did_you_mean
 from s2c2a.files.text import LARGEST
 from s2c2a.plugins.immutable import immutable
 from s2c2a.printing import short_text
@@ -126,6 +126,16 @@ class Goal(NamedTuple):
         return cls(*map(np.stack, zip(*goals, strict=True)))
 
     @property
+    def parts(self) -> frozenset[GoalPart]:
+        """Parts beside the position of the tip that are desired; of stacked goals, any."""
+        weights: dict[GoalPart, np.ndarray] = {
+            "axes": self.axis_weights,
+            "other ends": self.position_weights[..., :-1],
+            "obstacles": self.thresholds,
+        }
+        return frozenset(part for part, sizes in weights.items() if sizes.any())
+
+    @property
     def has_target(self) -> Bool[Numbers, "*goals"]:
         """Whether a position or an axis of any module is desired."""
         return (self.position_weights + self.axis_weights > 0.0).any(axis=-1)
@@ -216,6 +226,29 @@ class Goal(NamedTuple):
             cores=np.concatenate([solids, unused.cores[count:]]),
             obstacle_weight=_weight(weight),
         ).frozen()
+
+
+def checked_parts(ignores: Any, owner: Any) -> frozenset[GoalPart]:
+    """The parts of goals that a strategy or a controller states to ignore.
+
+    Args:
+        ignores: what it states.
+        owner: that states it, for the message.
+
+    Raises:
+        StrategyError: it is no collection of these parts.
+    """
+    known = sorted(get_args(GoalPart))
+    likely = ""
+    if isinstance(ignores, Collection) and not isinstance(ignores, str):
+        wrong = [part for part in ignores if part not in known]
+        if not wrong:
+            return frozenset(ignores)
+        likely = did_you_mean(str(wrong[0]), known)
+    raise StrategyError(
+        f"ignores = {ignores!r} in {type(owner).__name__}{likely}: write a frozenset of "
+        f"{', '.join(known)}"
+    )
 
 
 def preview_stride(period: float) -> int:

@@ -1,16 +1,25 @@
 """Options that a strategy accepts change what it builds; others are refused."""
 
+import warnings
 from dataclasses import fields, replace
+from types import SimpleNamespace
 
 import jax
 import pytest
 
+import s2c2a as s2c2a_package
 from s2c2a.arm import load_arm
-from s2c2a.cli.main import main
 from s2c2a.errors import S2C2AError, StrategyError
 from s2c2a.estimation import EncoderOnly, EstimationSettings, KalmanFilter
 from s2c2a.jobs import Conditions, jobs_for
-from s2c2a.live.control import strategies_of
+from s2c2a.jobs.artifacts import Cache
+from s2c2a.live.control import ArmControl, strategies_of
+from s2c2a.live.page import LivePage
+from s2c2a.live.request import Obstacle
+from s2c2a.robots.simulation import SimulatedRobot
+from s2c2a.runtime import Loop
+from s2c2a.runtime.clock import StepClock
+from s2c2a.spaces import Stage
 from s2c2a.strategies import (
     STRATEGIES,
     Recipe,
@@ -21,7 +30,9 @@ from s2c2a.strategies import (
     s2c2a,
     shipped_networks,
     strategy_named,
+    strategy_of,
 )
+from s2c2a.tasks import load_task
 from s2c2a.training import Trained
 
 TWIN = load_arm("twin_arm")
@@ -129,35 +140,112 @@ def own_strategy(file, *lines) -> str:
     """Name of a strategy of the user's own with such lines in its class."""
     file.write_text(
         "from dataclasses import dataclass\n"
-        "from s2c2a.strategies import StrategyOptions\n"
+        "from s2c2a.strategies import StrategyOptions, pcc_strategy\n"
         "@dataclass(frozen=True)\n"
         "class Own(StrategyOptions):\n"
         "    def build(self, arm, recipe, trained, run):\n"
-        "        raise NotImplementedError\n"
+        "        return pcc_strategy(arm, recipe.planner)\n"
         + "".join(f"    {line}\n" for line in lines)
     )
     return f"{file}:Own"
 
 
+IGNORES = ("name = 'own'", "ignores = 'obstacles', 'other ends'")
+
+
+@pytest.fixture
+def ignorant(tmp_path):
+    """Name of a strategy of the user's own that ignores two parts of goals."""
+    return own_strategy(tmp_path / f"{tmp_path.name}.py", *IGNORES)
+
+
+def short(name, steps=3):
+    """The first steps of a task."""
+    task = load_task(name, TWIN)
+    return replace(task, goals=task.goals[:steps], scores=())
+
+
+NEEDS = [("reach-1", "obstacles"), ("hold-middle", "other ends"), ("circle", "")]
+
+
+@pytest.mark.parametrize(("task", "ignored"), NEEDS)
+def test_a_run_in_python_says_once_what_a_strategy_ignores(ignorant, task, ignored):
+    options = strategy_named(ignorant)
+    driver = options.driver(TWIN, BEST, None, RunOptions())
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        s2c2a_package.run(SimulatedRobot(TWIN), driver, short(task))
+    said = [str(each.message) for each in caught]
+    about = [text for text in said if "ignores" in text]
+    expected = [f"pcc ignores what its goal has: {ignored}"] if ignored else []
+    assert about == expected
+
+
+@pytest.mark.parametrize(("task", "ignored"), NEEDS)
+def test_a_job_says_what_a_strategy_ignores(ignorant, tmp_path, task, ignored):
+    (job,) = jobs_for([short(task)], TWIN, [ignorant], [0], BEST)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        job.make(Cache(tmp_path), lambda *_: None)
+    about = [str(each.message) for each in caught if "ignores" in str(each.message)]
+    assert about == ([f"pcc ignores what its goal has: {ignored}"] if ignored else [])
+
+
+def test_the_live_page_says_what_a_strategy_ignores(ignorant):
+    builders = strategies_of(TWIN, (), "tip", (ignorant,))
+    own = {"own": builders["own"]}
+    control = ArmControl(SimulatedRobot(TWIN), own, {}, 10.0, StepClock())
+    page = SimpleNamespace(
+        _recorder=SimpleNamespace(running=False),
+        _gap=0.0,
+        _saturation=str,
+        _disagreement=SimpleNamespace(text=""),
+    )
+    control._loop.open()
+
+    def said(*obstacles):
+        control.ask(driven=True, target=(0.1, 0.0, 0.55), obstacles=obstacles)
+        for _ in range(3):
+            control._tick()
+        assert control.latest.stage is Stage.RUN
+        details = " ".join(LivePage._details(page, control.latest))
+        return control.latest.ignored, "ignores obstacles" in details
+
+    assert said() == ("", False)
+    with pytest.warns(UserWarning, match="ignores what its goal has: obstacles"):
+        assert said(Obstacle((0.3, 0.0, 0.6), 0.1)) == ("obstacles", True)
+
+
 @pytest.mark.parametrize(
-    ("task", "remark"),
+    ("ignores", "message"),
     [
-        ("reach-1", "Own ignores what this task needs: obstacles\n"),
-        ("hold-middle", "Own ignores what this task needs: other ends\n"),
-        ("circle", ""),
+        ("'obstacles'", "ignores = 'obstacles' in Own: write a frozenset of axes"),
+        ("{'obstacle'}", r"in Own \(did you mean obstacles\?\): write a frozenset"),
+        ("5", "ignores = 5 in Own: write"),
+        ("None", "ignores = None in Own: write"),
+        ("[['axes']]", r"in Own \(did you mean axes\?\): write"),
     ],
 )
-def test_a_run_says_what_a_strategy_ignores(
-    tmp_path, capsys, monkeypatch, task, remark
+def test_what_a_strategy_says_it_ignores_is_checked_wherever_it_is_made(
+    tmp_path, ignores, message
 ):
-    monkeypatch.chdir(tmp_path)
-    ignores = 'ignores = frozenset({"obstacles", "other ends"})'
-    own = own_strategy(tmp_path / f"ignores_{task}.py", ignores)
-    with pytest.raises(SystemExit):
-        main(["run", task, "--strategy", own, "--out", "run"])
-    said = capsys.readouterr()
-    assert "NotImplementedError" in said.err
-    assert said.out.replace(f"{own} ", "Own ") == remark
+    name = own_strategy(tmp_path / f"{tmp_path.name}.py", f"ignores = {ignores}")
+    with pytest.raises(StrategyError, match=message):
+        strategy_named(name)
+    with pytest.raises(StrategyError, match=message):
+        strategies_of(TWIN, (), "tip", (name,))
+    kind = STRATEGIES.named(name)
+    label = STRATEGIES.name_of(kind)
+    networks = replace(shipped_networks(TWIN), strategy=label, strategy_options={})
+    with pytest.raises(StrategyError, match=message):
+        strategy_of(networks)
+
+
+def test_what_a_controller_says_it_ignores_is_checked_by_the_loop():
+    driver = pcc.pcc_strategy(TWIN)
+    driver.ignores = frozenset({"obstacel"})
+    with pytest.raises(StrategyError, match=r"in Strategy \(did you mean obstacles"):
+        Loop(SimulatedRobot(TWIN), driver)
 
 
 def test_options_follow_the_name_of_a_strategy_behind_commas(tmp_path):

@@ -46,7 +46,7 @@ class Cell:
         """Why there is nothing to run; empty if there is."""
         entrant = self.entrant
         arm = self.arm.arm
-        ignored = self.task.needs & entrant.options.ignores
+        ignored = self.task.needs.intersection(entrant.options.ignores)
         if ignored:
             names = " and ".join(sorted(ignored))
             return f"ignores {names}"

@@ -5,13 +5,12 @@ Every strategy can take part, also one in a file of its own: `--entry my.py:Mine
 
 import inspect
 import re
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import resources
 from pathlib import Path
 from types import ModuleType
-from typing import get_args
 
 import equinox as eqx
 import jax
@@ -21,7 +20,6 @@ from s2c2a.arm import ArmSpec, load_arm
 from s2c2a.arm.sensors import Camera
 from s2c2a.errors import S2C2AError, StrategyError
 from s2c2a.files.text import parse_toml
-from s2c2a.goals import GoalPart
 from s2c2a.jobs import GivenNetworks
 from s2c2a.strategies import (
     STRATEGIES,
@@ -175,19 +173,13 @@ def entrant_of(strategy: str) -> Entrant:
 
     Raises:
         S2C2AError: there is no such strategy.
-        StrategyError: no table can show its name, or it ignores what is no part of goals.
+        StrategyError: no table can show its name.
     """
     kind = type(strategy_named(strategy))
     if not isinstance(kind.name, str) or not is_plain(name := shown_name(strategy)):
         raise StrategyError(
             f"name = {kind.name!r} in {kind.__name__} ({strategy!r}): write text of one "
             "line without backquotes"
-        )
-    parts = frozenset(get_args(GoalPart))
-    if not (isinstance(kind.ignores, Set) and kind.ignores <= parts):
-        raise StrategyError(
-            f"ignores = {kind.ignores!r} in {kind.__name__}: write a frozenset of "
-            f"{', '.join(sorted(parts))}"
         )
     return Entrant(name, "yours", strategy, recipe_named("best"), is_own=True)
 

@@ -38,7 +38,7 @@ from s2c2a.cli.execution import (
     uses_recipe,
 )
 from s2c2a.cli.reach import arm_of, forward_model_of, has_own_networks, trained_model
-from s2c2a.errors import S2C2AError, listed
+from s2c2a.errors import S2C2AError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -151,9 +151,6 @@ def run(
     model = _reach_model(task, spec, weights, session, project, known_payload)
     for text in remarks(paced, spec, by_arcs=model is None):
         print(text)
-    for name in strategy:
-        if ignored := paced.needs.intersection(strategies.strategy_named(name).ignores):
-            print(f"{name} ignores what this task needs: {listed(sorted(ignored))}")
     if model is not None:
         reachability = Reachability(spec, model, known_payload, guard)
         found = projected(paced, spec.length, reachability)

@@ -189,7 +189,7 @@ class Job(Artifact[Run]):
         recipe = options.recipe(self.recipe)
         progress(COMPILING, 0, 1)
         with named_errors(StrategyError, f"strategy '{self.strategy}' cannot be built"):
-            strategy = options.build(self.arm, recipe, trained, self.conditions.run)
+            strategy = options.driver(self.arm, recipe, trained, self.conditions.run)
 
         def report(done: int, total: int) -> None:
             if done <= 1:

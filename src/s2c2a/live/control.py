@@ -282,8 +282,14 @@ class ArmControl(Control):
                 task_steps=len(task.goals) if task else 0,
                 strategy=self._name,
                 fault=step.fault,
+                ignored=self._ignored(step.goal),
             )
         )
+
+    def _ignored(self, goal: Goal | None) -> str:
+        """Parts of a goal that the strategy ignores; empty if none."""
+        stated = getattr(self._loop.driver, "ignores", ())
+        return ", ".join(sorted(goal.parts.intersection(stated))) if goal else ""
 
 
 def arm_control(
@@ -352,7 +358,7 @@ def strategies_of(
     for label, trained in zip(labels, networks, strict=True):
         options = STRATEGIES.imported(trained.strategy)(**trained.strategy_options)
         run.check_supported(options.supports, f"strategy '{trained.strategy}'")
-        build = partial(options.build, arm, trained.recipe, trained, run)
+        build = partial(options.driver, arm, trained.recipe, trained, run)
         builders[f"{options.name} · {label}"] = cache(build)
     for name in names:
         options = strategy_named(name)
@@ -363,7 +369,7 @@ def strategies_of(
                 f"strategy '{name}' needs training; train it with `s2c2a train "
                 f"--strategy {name}` and give the file with --weights"
             )
-        build = partial(options.build, arm, recipe, None, run)
+        build = partial(options.driver, arm, recipe, None, run)
         builders[shown_name(name)] = cache(build)
     for name in ("best", "paper"):
         build_pcc = partial(PlainPCC().build, arm, recipe_named(name), None, run)

@@ -339,6 +339,7 @@ class LivePage(Window):
             f"**{saturation}**": saturation,
             MODEL_DRAWN: not measured,
             f"**{latest.fault}**": latest.fault,
+            f"**the strategy ignores {latest.ignored}**": latest.ignored,
             f"**{self._disagreement.text}**": self._disagreement.text,
         }
         return [text for text, applies in texts.items() if applies]

@@ -40,6 +40,7 @@ class Snapshot:
         task_steps: number of steps of the task; zero without a task.
         strategy: name of the strategy.
         fault: description of the fault, or empty.
+        ignored: what the goal has and the strategy ignores, or empty.
     """
 
     step: StepRecord
@@ -53,6 +54,7 @@ class Snapshot:
     task_steps: int
     strategy: str
     fault: str = ""
+    ignored: str = ""
 
     @property
     def tip(self) -> Point:

@@ -15,7 +15,7 @@ import numpy as np
 from s2c2a.arm import ArmSpec
 from s2c2a.episodes.episode import SENSOR
 from s2c2a.errors import ControllerError, RobotError, S2C2AError
-from s2c2a.goals import Goal
+from s2c2a.goals import Goal, checked_parts
 from s2c2a.plugins.immutable import immutable
 from s2c2a.robots import Robot
 from s2c2a.runtime.border import attribute, named_errors
@@ -96,6 +96,8 @@ class CheckedDriver(_Checked):
         super().__init__(driver, ControllerError, step)
         self.driver = driver
         self.arm = arm
+        stated = attribute(driver, "ignores", ControllerError, ())
+        self._ignores = checked_parts(stated, driver)
         self._shape = (arm.module_count, arm.cable_count)
 
     @property
@@ -151,7 +153,13 @@ class CheckedDriver(_Checked):
         return self._call("estimate", replace(reading), immutable(last_command))
 
     def plan(self, estimate: Any, goal: Goal) -> Any:
-        """Return its plan."""
+        """Return its plan; warn once of what it ignores of goals."""
+        if ignored := self._ignores & goal.parts:
+            text = (
+                f"{self.name} ignores what its goal has: {', '.join(sorted(ignored))}"
+            )
+            warnings.warn(text, stacklevel=1)
+            self._ignores -= ignored
         return self._call("plan", estimate, goal.frozen())
 
     def act(self, plan: Any, estimate: Any) -> Actions:

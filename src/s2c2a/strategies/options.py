@@ -11,7 +11,7 @@ from s2c2a.arm import ArmSpec
 from s2c2a.data import CollectOptions, Recording
 from s2c2a.errors import StrategyError
 from s2c2a.estimation import EstimationSettings
-from s2c2a.goals import GoalPart
+from s2c2a.goals import GoalPart, checked_parts
 from s2c2a.planning import Guard
 from s2c2a.plugins.components import Options
 from s2c2a.runtime import Driver
@@ -67,14 +67,19 @@ class StrategyOptions(Options, ABC):
         supports: which options of a run it supports (`RunOptions.check_supported`).
         recipe_keys: which keys of a recipe it uses; by default all. A recipe for a
             strategy that uses none is refused.
-        ignores: which parts of goals it ignores: `run` says so, and a comparison leaves
-            tasks with them out.
+        ignores: which parts of goals it ignores: the control loop warns of goals that
+            have them, and a comparison leaves tasks with them out.
     """
 
     name: ClassVar[str] = ""
     supports: ClassVar[frozenset[str]] = frozenset()
     recipe_keys: ClassVar[frozenset[str]] = RECIPE_KEYS
     ignores: ClassVar[frozenset[GoalPart]] = frozenset()
+
+    def __post_init__(self):
+        """Check the limits, and what it states to ignore."""
+        super().__post_init__()
+        checked_parts(self.ignores, self)
 
     def recipe(self, recipe: Recipe) -> Recipe:
         """The recipe that it is trained by, given the one that the user chose."""
@@ -139,3 +144,16 @@ class StrategyOptions(Options, ABC):
             trained: what `train` returned; None for a strategy without training.
             run: options of the run.
         """
+
+    def driver(
+        self,
+        arm: ArmSpec,
+        recipe: Recipe,
+        trained: TrainedNetworks | None,
+        run: RunOptions,
+    ) -> Driver:
+        """See `build`; what is built states what it ignores, for the control loop."""
+        driver = self.build(arm, recipe, trained, run)
+        if self.ignores:
+            object.__setattr__(driver, "ignores", self.ignores)
+        return driver

@@ -92,4 +92,4 @@ def strategy_of(
     kind = STRATEGIES.imported(networks.strategy)
     options = kind(**networks.strategy_options)
     run.check_supported(options.supports, f"strategy '{networks.strategy}'")
-    return options.build(networks.arm, networks.recipe, networks, run)
+    return options.driver(networks.arm, networks.recipe, networks, run)

@@ -82,13 +82,7 @@ class Task:
     @property
     def needs(self) -> frozenset[GoalPart]:
         """Parts of its goals, beside positions of the tip, that are given."""
-        goals = Goal.stacked(self.goals)
-        weights: dict[GoalPart, np.ndarray] = {
-            "axes": goals.axis_weights,
-            "other ends": goals.position_weights[:, :-1],
-            "obstacles": goals.thresholds,
-        }
-        return frozenset(part for part, sizes in weights.items() if sizes.any())
+        return Goal.stacked(self.goals).parts
 
     def with_scaled_axis_weights(self, factor: float) -> "Task":
         """The same task with all orientation weights mu_o multiplied by a factor."""

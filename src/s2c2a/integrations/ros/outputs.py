@@ -106,6 +106,7 @@ class Outputs:
             values |= {
                 "stage": snapshot.stage,
                 "fault": snapshot.fault,
+                "ignored": snapshot.ignored,
                 "strategy": snapshot.strategy,
                 "step": snapshot.step.number,
                 "tip_error_m": snapshot.error,
