@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from compilations import compilations
 from s2c2a.arm import ArmGeometry
-from s2c2a.execution.compilation import compilations
 from s2c2a.live.cli.live import running_page
 
 pytest.importorskip(

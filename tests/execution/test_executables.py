@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import s2c2a
+from compilations import compilations
 from s2c2a.execution import executables
-from s2c2a.execution.compilation import compilations, compiled, forget_programs
+from s2c2a.execution.compilation import compiled, forget_programs
 from s2c2a.kinematics import states_from_bends
 from s2c2a.planning import horizon
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from s2c2a.kinematics.chain import states_from_bends
-from s2c2a.measurements.frame_jumps import FrameJumps, find_frame_jumps
+from s2c2a.lab.tracking.frame_jumps import FrameJumps
+from s2c2a.measurements.frame_jumps import find_frame_jumps
 
 LENGTHS = np.array([0.2, 0.2, 0.2])
 ROWS = 200

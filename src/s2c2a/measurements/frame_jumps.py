@@ -6,12 +6,10 @@ an end that is carried aside by a bend turns with it. Smooth motion is taken out
 velocity before and after. A knock during fast motion stays unseen.
 """
 
-from collections import deque
-
 import numpy as np
 from jaxtyping import Float
 
-from s2c2a.spaces import AXIS, POSITION, States
+from s2c2a.spaces import AXIS, POSITION
 
 Times = Float[np.ndarray, " rows"]
 Shift = Float[np.ndarray, "3"]
@@ -86,33 +84,3 @@ def describe_frame_jump(shift: Shift) -> str:
         "before and after it do not fit each other; calibrate the tracking again, and "
         "record anew (docs/guides/tracking.md)"
     )
-
-
-class FrameJumps:
-    """Finds jumps of the frame in frames as they arrive, two frames after the first."""
-
-    def __init__(self, length: float):
-        """A detector without a history.
-
-        Args:
-            length: of the arm [m].
-        """
-        self._length = length
-        self.reset()
-
-    def reset(self) -> None:
-        """Forget all frames."""
-        self._rows: deque[tuple[States, float]] = deque(maxlen=USUAL + 2 * AROUND)
-
-    def find(self, states: States, time: float) -> Shift | None:
-        """Add a frame; return the jump two frames before [m], None if there is none.
-
-        Args:
-            states: end position [m] and end axis, base frame; NaN where missing.
-            time: of the measurement, on any steady clock [s].
-        """
-        self._rows.append((states, time))
-        history = np.stack([row for row, _ in self._rows])
-        times = np.array([time for _, time in self._rows])
-        jumps = find_frame_jumps(history, times, self._length)
-        return jumps.get(len(history) - AROUND)

@@ -15,9 +15,9 @@ from s2c2a.lab.emulation.plant import FramePose
 from s2c2a.lab.emulation.pose_datagrams import DatagramOptions, PoseDatagrams
 from s2c2a.lab.tracking import DropReason, ModuleEnds, UdpTracker
 from s2c2a.lab.tracking.datagrams import DatagramError
+from s2c2a.lab.tracking.frame_jumps import FrameJumps
 from s2c2a.lab.tracking.frozen_bodies import RESPONSE, FrozenBodies
 from s2c2a.lab.tracking.plausibility import StateCheck
-from s2c2a.measurements.frame_jumps import FrameJumps
 
 RATE = 100.0  # Hz
 BEGIN = 0.5  # s

@@ -18,13 +18,14 @@ from s2c2a.lab.tracking.calibration import (
     load_tracking_calibration,
 )
 from s2c2a.lab.tracking.clock import ExposureClock
+from s2c2a.lab.tracking.frame_jumps import FrameJumps
 from s2c2a.lab.tracking.frozen_bodies import FrozenBodies
 from s2c2a.lab.tracking.plausibility import CheckedStates, StateCheck
 from s2c2a.lab.tracking.poses import TrackingError
 from s2c2a.lab.tracking.sources import tracker_of
 from s2c2a.lab.tracking.states import await_poses
 from s2c2a.lab.tracking.tracker import PoseFrame, Tracker
-from s2c2a.measurements.frame_jumps import FrameJumps, describe_frame_jump
+from s2c2a.measurements.frame_jumps import describe_frame_jump
 from s2c2a.robots import Robot
 from s2c2a.spaces import POSITION, Actions, Reading, Sensor, States
 
