@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from s2c2a import api, strategies
 from s2c2a.arm import load_arm
 from s2c2a.cli import run as run_command
 from s2c2a.cli import session as session_command
@@ -61,7 +62,7 @@ def test_the_arm_moves_for_the_given_time(weights, capsys):
     assert weights.with_suffix(".session.episodes").exists()
 
 
-@pytest.mark.parametrize("seconds", ["nan", "inf", "0", "-1"])
+@pytest.mark.parametrize("seconds", ["nan", "inf", "0", "-1", "9.9", "1e10"])
 def test_impossible_times_move_nothing(weights, seconds, refusal):
     assert "--seconds" in refusal("session", str(weights), "--seconds", seconds)
     assert not weights.with_suffix(".session.episodes").exists()
@@ -98,6 +99,28 @@ def test_a_motion_that_fails_replaces_no_earlier_one(weights, refusal):
     motion.write_bytes((FIXTURES / "twin.episodes").read_bytes())
     before = sorted(weights.parent.iterdir())
     failing = ("--robot-option", "events=0 homing_error 1.5")
-    assert "diverged" in refusal("session", str(weights), "--seconds", "5", *failing)
+    assert "diverged" in refusal("session", str(weights), "--seconds", "10", *failing)
     assert sorted(weights.parent.iterdir()) == before
     assert motion.read_bytes() == (FIXTURES / "twin.episodes").read_bytes()
+
+
+def test_a_session_that_fails_after_its_motion_replaces_no_file(
+    weights, monkeypatch, refusal
+):
+    for ending in (".session.episodes", ".session.json"):
+        weights.with_suffix(ending).write_bytes(b"of the day before")
+    before = {file: file.read_bytes() for file in weights.parent.iterdir()}
+    seen = []
+
+    def moved(arm, path, **_):
+        Path(path).write_bytes(b"of today")
+        return seen.append(path)
+
+    def fails(*_):
+        raise RecordingError("the tip was seen in 50 samples of this recording")
+
+    monkeypatch.setattr(api, "collect", moved)
+    monkeypatch.setattr(strategies, "measured_session", fails)
+    assert "50 samples" in refusal("session", str(weights))
+    assert len(seen) == 1
+    assert {file: file.read_bytes() for file in weights.parent.iterdir()} == before

@@ -56,53 +56,56 @@ def session(
     """
     from s2c2a import api, data, evaluation, strategies
     from s2c2a.arm import load_arm
+    from s2c2a.models.session_fit import FEWEST
 
-    known = load_arm(arm) if arm else None
-    networks = strategies.load_networks(weights, known)
+    networks = strategies.load_networks(weights, load_arm(arm) if arm else None)
     spec = networks.arm
+    factory = robot_factory_for(robot, robot_option, fidelity, tracking=tracking)
     date = None
-    if recording is not None:
-        moved = data.load_recording(recording)
-        date = datetime.fromtimestamp(recording.stat().st_mtime, UTC)
-    else:
-        factory = robot_factory_for(robot, robot_option, fidelity, tracking=tracking)
-        if "states" not in factory.make(spec).sensors:
-            raise RecordingError(
-                f"{factory} measures no tip, and a session compares it with the model; "
-                "turn on the tracking (--tracking)"
-            )
-        if not 0.0 < seconds < MAX_COUNT:
-            raise RecordingError(f"cannot move for {seconds:g} s; give --seconds 50")
-        motion = weights.with_suffix(".session.episodes")
-        # what a motion that fails has recorded replaces no earlier one
-        with (
-            TemporaryDirectory(dir=weights.parent) as folder,
-            progress_bar() as progress,
-            emergency_controls(factory),
-        ):
-            moved = api.collect(
-                spec,
-                Path(folder) / motion.name,
-                episodes=1,
-                samples=round(seconds / spec.control_period),
-                seed=seed,
-                recipe=networks.recipe,
-                robot=factory,
-                threads=1,
-                progress=partial(progress, f"moving {spec.name}"),
-            )
-            (Path(folder) / motion.name).replace(motion)
-    try:
-        earlier = strategies.session_of(weights)
-    except StrategyError:  # of another training, or damaged
-        earlier = None
-    found, fit = strategies.measured_session(networks, weights, moved, date, earlier)
-    for line in evaluation.describe_session(fit, spec):
-        print(line)
+    motion = weights.with_suffix(".session.episodes")
     path = strategies.session_path(weights)
-    if earlier and earlier.improves and found.change != earlier.change:
-        kept = path.with_suffix(".earlier.json")
-        strategies.save_session(earlier, kept)
-        print(f"the earlier session is kept: {kept}")
-    strategies.save_session(found, path)
+    # a session that fails replaces neither file of an earlier one
+    with TemporaryDirectory(dir=weights.parent) as folder:
+        recorded = Path(folder) / motion.name
+        if recording is not None:
+            moved = data.load_recording(recording)
+            date = datetime.fromtimestamp(recording.stat().st_mtime, UTC)
+        else:
+            if "states" not in factory.make(spec).sensors:
+                raise RecordingError(
+                    f"{factory} measures no tip, and a session compares it with the model; "
+                    "turn on the tracking (--tracking)"
+                )
+            least = FEWEST * spec.control_period
+            if not least <= seconds < MAX_COUNT:
+                raise RecordingError(
+                    f"cannot judge a motion of {seconds:g} s; {FEWEST} samples are needed, "
+                    f"{least:g} s of '{spec.name}'; give --seconds {max(50.0, least):g}"
+                )
+            with progress_bar() as progress, emergency_controls(factory):
+                moved = api.collect(
+                    spec,
+                    recorded,
+                    episodes=1,
+                    samples=round(seconds / spec.control_period),
+                    seed=seed,
+                    recipe=networks.recipe,
+                    robot=factory,
+                    threads=1,
+                    progress=partial(progress, f"moving {spec.name}"),
+                )
+        try:
+            earlier = strategies.session_of(weights)
+        except StrategyError:  # of another training, or damaged
+            earlier = None
+        new, fit = strategies.measured_session(networks, weights, moved, date, earlier)
+        for line in evaluation.describe_session(fit, spec):
+            print(line)
+        if earlier and earlier.improves and new.change != earlier.change:
+            kept = path.with_suffix(".earlier.json")
+            strategies.save_session(earlier, kept)
+            print(f"the earlier session is kept: {kept}")
+        strategies.save_session(new, path)
+        if recording is None:
+            recorded.replace(motion)
     print(f"session: {path}")

@@ -49,6 +49,8 @@ STILL = 1e-4 * np.eye(3)
 """Vectors [m] that do not turn, shorter than any motion that is seen."""
 FOLDS = 4
 """Parts of a session, each judged by a fit of the others; with 8, judgments are the same."""
+FEWEST = FOLDS * GAP
+"""Samples with the tip seen, to fit and to judge."""
 APART = 0.05  # of a session, fitted to judged: 2.5 s, as long as errors last
 
 
@@ -119,10 +121,10 @@ def fit_session(
     """
     fit = _Residuals(model, data)
     seen = fit.seen_tip
-    if seen.sum() < FOLDS * GAP:
+    if seen.sum() < FEWEST:
         raise RecordingError(
             f"the tip was seen in {counted(seen.sum(), 'sample')} of this recording, and "
-            f"at least {FOLDS * GAP} are needed to fit and to judge; turn on the tracking "
+            f"at least {FEWEST} are needed to fit and to judge; turn on the tracking "
             "(--tracking), and move for 50 s"
         )
     nothing = DayChange.none(data.arm.module_count)
