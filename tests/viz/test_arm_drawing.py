@@ -37,6 +37,26 @@ def test_the_drawing_shows_the_radius_of_the_body(arm, side_of):
     assert of_thick.patches[0].radius == pytest.approx(60 / 27)
 
 
+@pytest.mark.parametrize("radius", [0.0, 0.02, 0.06, 0.09, 0.5])
+def test_a_section_shows_the_whole_body_with_the_angles_outside(
+    make_arm, drawn_figures, tmp_path, radius
+):
+    arm = make_arm()
+    modules = tuple(one.model_copy(update={"radius": radius}) for one in arm.modules)
+    arm_figure(arm.model_copy(update={"modules": modules}), tmp_path / "arm.png")
+    section = drawn_figures[-1].axes[-1]
+    body, *_ = (patch.radius for patch in section.patches if hasattr(patch, "radius"))
+    box = section.viewLim
+    assert body < min(*box.max, *-box.min)
+    angles = [text for text in section.texts if "°" in text.get_text()]
+    assert len(angles) == 3
+    for text in angles:
+        x, y = text.get_position()
+        assert max(body, 1.0) < np.hypot(x, y)
+        assert abs(x) < box.max[0]
+        assert abs(y) < box.max[1]
+
+
 @pytest.fixture
 def side_of(drawn_figures, tmp_path):
     """Axes of the side view of an arm, laid out."""

@@ -98,14 +98,8 @@ def _bare_axes(figure: Figure, place: SubplotSpec) -> Axes:
 
 def _write(axes: Axes, place, text: str, size: float, **style: Any) -> None:
     """Write text centered at a point; `style` replaces alignment and color."""
-    centered: dict[str, Any] = {
-        "ha": "center",
-        "va": "center",
-        "color": MUTED,
-        "fontsize": size,
-    }
-    x, y = place
-    axes.text(x, y, text, parse_math=False, **{**centered, **style})
+    style = {"ha": "center", "va": "center", "color": MUTED} | style
+    axes.text(place[0], place[1], text, parse_math=False, fontsize=size, **style)
 
 
 def _directions(mounting: Mounting) -> Float[np.ndarray, "2 3"]:
@@ -217,28 +211,28 @@ def _draw_cross_section(
 ) -> None:
     """Draw a section seen from the tip: x to the right, y up; number its cables.
 
-    The body has its stated radius, to the scale of the cables.
+    The body has its stated radius, to the scale of the cables, and is shown whole.
     """
-    axes.set(xlim=(-2.1, 2.1), ylim=(-1.9, 1.9), aspect="equal")
     first = numbers[0] - 1
     module = arm.modules[first]
     color = module_colors(arm.module_count)[first]
+    body = module.radius / module.cable_radius
+    size = max(body, 1.22)
+    axes.set_xlim(-1.72 * size, 1.72 * size)
+    axes.set_ylim(-1.56 * size, 1.56 * size)
+    axes.set_aspect("equal")
     fill = {"facecolor": color + "1f", "edgecolor": color, "linewidth": 1.4}
-    axes.add_patch(Circle((0, 0), module.radius / module.cable_radius or 1.22, **fill))
+    axes.add_patch(Circle((0, 0), body or size, **fill))
     dashes = {"edgecolor": MUTED, "linewidth": 0.8, "linestyle": "--"}
     axes.add_patch(Circle((0, 0), 1, facecolor="none", **dashes))
     for name, end in zip("xy", np.eye(2), strict=True):
         draw_arrow(axes, (0.0, 0.0), 0.5 * end, MUTED, 0.9, head=8.0)
         _write(axes, 0.65 * end, name, 8)
+    white = {"color": "white", "va": "center_baseline", "fontweight": "bold"}
     for number, angle in enumerate(module.cable_angles_deg, start=1):
         place = directions_at(np.deg2rad(angle))
         axes.plot(*place, "o", color=color, markersize=13, mec="white")
-        style: dict[str, Any] = {
-            "color": "white",
-            "va": "center_baseline",
-            "fontweight": "bold",
-        }
-        _write(axes, place, str(number), 7.5, **style)
-        _write(axes, 1.62 * place, f"{angle:g}°", 8, color=INK)
+        _write(axes, place, str(number), 7.5, **white)
+        _write(axes, 1.33 * size * place, f"{angle:g}°", 8, color=INK)
     title = f"section {letter}\ncables at {1000 * module.cable_radius:.4g} mm"
     axes.set_title(title, loc="left", fontsize=9, color=INK)
