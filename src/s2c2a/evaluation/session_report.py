@@ -38,11 +38,11 @@ def describe_session(fit: SessionFit, arm: ArmSpec) -> list[str]:
         f"the session {1000 * fit.after:.1f} mm, on stretches that it was not fitted to"
     ]
     if not fit.improves:
-        told = "no change surely lowers that: runs use no session; where the error is"
-        return [*lines, f"{told} too large, check homing and tracking, or train anew"]
+        result = "no change surely lowers that: runs use no session; where the error is"
+        return [*lines, f"{result} too large, check homing and tracking, or train anew"]
     if fit.change is not fit.posterior.change:
-        told = "this is the earlier session, which runs go on with: this motion shows"
-        return [*lines, f"{told} no change that predicts it better"]
+        result = "this is the earlier session, which runs go on with: this motion shows"
+        return [*lines, f"{result} no change that predicts it better"]
     lines.append("runs use this session, which predicts the motion best")
     radii = 1000 * ArmGeometry.of(arm).cable_radii
     causes: dict[str, list[tuple]] = {
@@ -67,10 +67,10 @@ def describe_session(fit: SessionFit, arm: ArmSpec) -> list[str]:
             unclear[cause] = names
     if unclear:
         is_changed = _is_distinct(*fit.posterior.part(*chain(*unclear.values())))
-        told = "changed, alone or together"
+        result = "changed, alone or together"
         if not is_changed:
-            told = "not distinguishable from none"
-        lines.append(f"{' or '.join(unclear)}: {told}")
+            result = "not distinguishable from none"
+        lines.append(f"{' or '.join(unclear)}: {result}")
     return lines
 
 

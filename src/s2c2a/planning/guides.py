@@ -214,10 +214,10 @@ class WayLeader(Leader):
         return self._along(bends)
 
     def _moves(self, goal: Goal, last: Goal) -> bool:
-        """Whether the target of the tip moves on, as it tells, or with equal steps."""
+        """Whether the target of the tip moves on, by its preview, or with equal steps."""
         step = goal.positions[-1] - last.positions[-1]
-        told = goal.preview[:, -1, POSITION] - goal.positions[-1]
-        ways = np.where(np.isnan(told), PREVIEW * self._stride * step, told)
+        known = goal.preview[:, -1, POSITION] - goal.positions[-1]
+        ways = np.where(np.isnan(known), PREVIEW * self._stride * step, known)
         return bool((np.abs(ways) > MOVED * self._length).any())
 
     def _begin_search(self, bends: Shape, goal: Goal) -> None:

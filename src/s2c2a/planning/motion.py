@@ -123,7 +123,7 @@ class GoalMotion(NamedTuple):
     ) -> tuple["GoalMotion", Goal]:
         """The motion after another goal, and the goals of the next moments.
 
-        What no preview tells goes on with constant velocity: in each direction with the
+        What no preview has goes on with constant velocity: in each direction with the
         smaller of its last two steps, and not where these differ in sign. Obstacles that
         move cover where they will be as far as a plan sees.
 
@@ -143,12 +143,12 @@ class GoalMotion(NamedTuple):
         before = self.step[:count]
         smaller = jnp.where(abs(step) < abs(before), step, before)
         velocity = jnp.where(step * before > 0.0, smaller, 0.0)
-        # of obstacles, a preview tells nothing
+        # a preview has no obstacles
         others = (0, 0), (0, len(goal.obstacles)), (0, 0)
         preview = jnp.split(jnp.asarray(goal.preview), 2, axis=-1)
-        told = jnp.pad(jnp.concatenate(preview, axis=1), others, constant_values=np.nan)
+        path = jnp.pad(jnp.concatenate(preview, axis=1), others, constant_values=np.nan)
         steps = approach.stride * np.arange(1.0, PREVIEW + 1.0)[:, None, None] - 1.0
-        foreseen = jnp.where(jnp.isnan(told), now + steps * velocity, told)
+        foreseen = jnp.where(jnp.isnan(path), now + steps * velocity, path)
         following = foreseen[1]
         if approach.stride > 1:
             following = now + (foreseen[0] - now) / (approach.stride - 1)
