@@ -3,7 +3,6 @@ import warnings
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from pydantic import ValidationError
 
 from s2c2a.arm import (
     ArmSpec,
@@ -20,6 +19,8 @@ from s2c2a.arm import (
 )
 from s2c2a.arm.spec import largest_gap_deg
 from s2c2a.errors import ArmError
+
+TWIN = load_arm("twin_arm")
 
 
 def between(low, high):
@@ -123,15 +124,22 @@ def test_an_unwritable_path_is_named_and_missing_folders_are_created(tmp_path):
 @pytest.mark.parametrize(
     ("bend_deg", "step_deg", "rate", "named"),
     [
-        (1.2, 4.0, 10.0, ["bend_limit_deg is 1.2"]),
+        (1.2, 4.0, 10.0, ["bend_limit_deg is 1.2; limits are in degrees: write 68.8"]),
         (4.0, 4.0, 10.0, []),
-        (47.0, 0.07, 10.0, ["step_limit_deg is 0.07"]),
-        (1.0, 0.07, 10.0, ["bend_limit_deg is 1", "step_limit_deg is 0.07"]),
-        (47.0, 0.4, 100.0, []),
-        (47.0, 9.0, 0.1, []),  # steps of ten seconds are poses
+        (
+            47.0,
+            0.3,
+            10.0,
+            [],
+        ),  # slow arms are as slow as steps in radians would make them
+        (47.0, 0.07, 10.0, []),
+        (1.0, 0.07, 10.0, ["bend_limit_deg is 1; limits are in degrees: write 57.3"]),
+        (47.0, 9.0, 0.1, []),
     ],
 )
-def test_limits_in_radians_are_warned_of(tmp_path, bend_deg, step_deg, rate, named):
+def test_a_bend_limit_in_radians_is_warned_of(
+    tmp_path, bend_deg, step_deg, rate, named
+):
     arm = randomized_arm(load_arm("twin_arm"), 2, 1.0)
     modules = tuple(
         module.model_copy(update={"bend_limit_deg": bend_deg}) for module in arm.modules
@@ -141,7 +149,7 @@ def test_limits_in_radians_are_warned_of(tmp_path, bend_deg, step_deg, rate, nam
     with warnings.catch_warnings(record=True) as said:
         load_arm(tmp_path / "mine.toml")
     path = tmp_path / "mine.toml"
-    expected = [f"{path}: {key}; did you mean degrees?" for key in named]
+    expected = [f"{path}: {text} if it is in radians, else leave it" for text in named]
     assert [str(each.message) for each in said] == expected
 
 
@@ -176,12 +184,40 @@ def test_an_empty_file_says_what_is_missing():
 
 def test_arms_that_differ_in_name_only_have_the_same_mechanics():
     arm = load_arm("twin_arm")
-    for wrong in ({"step_limit_deg": -2.0}, {"step_limit": 2.0}):
-        with pytest.raises(ValidationError):
-            arm.model_copy(update=wrong)
     renamed = arm.model_copy(update={"name": "other", "description": "copied"})
     assert renamed != arm
     assert renamed.differences(arm) == []
+
+
+@pytest.mark.parametrize(
+    ("part", "update", "words"),
+    [
+        (
+            TWIN,
+            {"step_limit_deg": -2.0},
+            r"step_limit_deg: write 0.01 or more \(got -2",
+        ),
+        (TWIN, {"step_limit": 2.0}, "did you mean step_limit_deg?"),
+        (TWIN.modules[0], {"length": -1}, r"length: write 0.0005 or more \(got -1\)"),
+        (TWIN.modules[0].cable, {"creep": 2}, "creep: write 0.9 or less"),
+        (TWIN.modules[0].mismatch, {"seed": "one"}, "no such key"),
+        (TWIN.motor, {"ticks_per_turn": 0.5}, "whole number"),
+        (TWIN.sensors, {"camera": 3}, "write a table"),
+    ],
+)
+def test_a_copy_of_a_part_has_values_that_a_file_may_have(part, update, words):
+    with pytest.raises(ArmError, match=words) as caught:
+        part.model_copy(update=update)
+    assert f"{type(part).__name__}: 1 fault in the" in str(caught.value)
+    assert "pydantic" not in str(caught.value)
+    assert part.model_copy() == part
+
+
+def test_a_deep_copy_shares_no_part():
+    shallow, deep = (TWIN.model_copy(deep=each) for each in (False, True))
+    assert shallow.modules[0] is TWIN.modules[0]
+    assert deep == TWIN
+    assert deep.modules[0] is not TWIN.modules[0]
 
 
 def test_differences_lists_the_keys_that_differ():

@@ -1,8 +1,8 @@
 """Base classes of descriptions: frozen tables of numbers with units and ranges."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 from pydantic import (
@@ -14,13 +14,15 @@ from pydantic import (
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
     Tag,
+    ValidationError,
     model_serializer,
 )
 from pydantic_core import CoreSchema, PydanticKnownError
 from pydantic_core.core_schema import no_info_after_validator_function
 
-from s2c2a.files.text import LARGEST
-from s2c2a.files.validation import EACH, ONE
+from s2c2a.errors import ArmError, S2C2AError
+from s2c2a.files.text import LARGEST, parse_toml
+from s2c2a.files.validation import EACH, ONE, explained, key_names
 
 
 def between(
@@ -137,12 +139,56 @@ class Frozen(BaseModel):
     Attributes:
         omitted_defaults: keys that are not written when they have their default. Files
             of arms without these keys, and caches keyed by them, stay the same.
+        fault_type: error of values that are not allowed.
+        described: what the file describes, in this error.
     """
 
     model_config = ConfigDict(
         frozen=True, extra="forbid", allow_inf_nan=False, strict=False
     )
     omitted_defaults: ClassVar[frozenset[str]] = frozenset()
+    fault_type: ClassVar[type[S2C2AError]] = ArmError
+    described: ClassVar[str] = "arm description (modules count from 0, at the base)"
+
+    @classmethod
+    def from_toml(cls, text: str, source: str) -> Self:
+        """Parse and validate the text of a file; `source` names it in errors.
+
+        Raises:
+            S2C2AError: see `parse_toml` and `validated`; of the table's own type.
+        """
+        try:
+            values = parse_toml(text)
+        except S2C2AError as error:
+            raise cls.fault_type(f"{source}: {error}; correct that line") from error
+        return cls.validated(values, source)
+
+    @classmethod
+    def validated(cls, values: Mapping[str, Any], source: str) -> Self:
+        """Validate the values of a file.
+
+        Raises:
+            S2C2AError: a key is unknown or missing, or has an invalid value.
+        """
+        try:
+            return cls.model_validate(values)
+        except ValidationError as error:
+            heading = f"{source}: {{faults}} in the {cls.described}"
+            faults = explained(error, heading, key_names(cls), _hint)
+            raise cls.fault_type(faults) from error
+
+    def model_copy(
+        self, *, update: Mapping[str, Any] | None = None, deep: bool = False
+    ) -> Self:
+        """A copy with other values, which are checked as those of a file.
+
+        Raises:
+            S2C2AError: see `validated`.
+        """
+        copy = super().model_copy(update=update, deep=deep)
+        # which also has what is in no file
+        copy.__dict__ |= vars(self.validated(dict(copy), type(self).__name__))
+        return copy
 
     @model_serializer(mode="wrap")
     def _without_defaults(self, serialize) -> dict[str, Any]:
@@ -157,3 +203,13 @@ def largest_gap_deg(angles_deg: Iterable[float]) -> float:
     """Return the largest angle between neighboring cables [deg]."""
     angles = np.sort(np.mod(np.fromiter(angles_deg, float), 360.0))
     return float(np.max(np.diff(np.append(angles, angles[0] + 360.0))))
+
+
+def _hint(fault) -> str:
+    """Suggest wrong units where a number is outside its range."""
+    out_of_range = fault["type"] in ("greater_than_equal", "less_than_equal")
+    if not out_of_range or not fault["input"]:
+        return ""
+    if str(fault["loc"][-1]).endswith("_deg"):
+        return "; this key is in degrees"
+    return "; values are in SI units (m, kg, N, s, Hz): is it off by a factor of 1000?"

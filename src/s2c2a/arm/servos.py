@@ -3,7 +3,7 @@
 import itertools
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
-from pydantic import Field, model_validator
+from pydantic import BaseModel, Field, model_validator
 
 from s2c2a.arm.fields import LENGTH, LOST_MOTION, Frozen, Number, between, optional
 
@@ -292,9 +292,9 @@ class Servos(Frozen):
     def parts(self) -> list[tuple["Servos", list[int]]]:
         """Return tables without groups, with their ids: of the rest, then each group."""
         named = {id for group in self.groups for id in group.ids}
-        rest = [id for row in self.ids for id in row if id not in named]
-        parts = [(self._with(group), list(group.ids)) for group in self.groups]
-        return [(self.model_copy(update={"groups": ()}), rest), *parts][not rest :]
+        rest = tuple(id for row in self.ids for id in row if id not in named)
+        groups = [ServoGroup(ids=rest), *self.groups][not rest :]
+        return [(self._with(group), list(group.ids)) for group in groups]
 
     def of(self, id: int) -> "Servos":
         """Return the table that holds for a servo."""
@@ -308,7 +308,8 @@ class Servos(Frozen):
         del update["ids"]
         if group.model is not None:
             update = {"own_model": None, "torque_constant": None, **update}
-        return self.model_copy(update={"groups": (), **update})
+        # not checked again: the whole table checks its parts
+        return BaseModel.model_copy(self, update={"groups": (), **update})
 
     @property
     def model_number(self) -> int:

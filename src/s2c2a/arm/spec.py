@@ -2,7 +2,6 @@
 
 import math
 import warnings
-from collections.abc import Mapping
 from operator import attrgetter
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -464,12 +463,6 @@ class ArmSpec(Frozen):
             raise ValueError(
                 f"motor.homing_error acts on displacement; a {kind} arm needs no homing"
             )
-
-    def model_copy(
-        self, *, update: Mapping[str, Any] | None = None, deep: bool = False
-    ) -> "ArmSpec":
-        """A copy with other values, which are checked as those of a file."""
-        return ArmSpec(**dict(self) | dict(update or {}))
 
     def differences(self, other: "ArmSpec") -> list[str]:
         """Return the keys in which the mechanics of another arm differ; none if alike.
