@@ -27,7 +27,7 @@ from s2c2a.planning import Goal, Outcome
 from s2c2a.robots import RobotFactory
 from s2c2a.strategies import RunOptions, recipe_named
 from s2c2a.tasks import Score, Task, load_task
-from s2c2a.tasks.scenes import SOLID, goal_beside
+from s2c2a.tasks.scenes import SOLID, goals_beside
 from s2c2a_experiments.run_rows import metric_rows
 from s2c2a_experiments.shapes import drawn_directions
 
@@ -129,7 +129,7 @@ def unsolvable_task(arm: ArmSpec, seed: int) -> Task:
 
 
 def _still_task(name: str, target: np.ndarray, rows: np.ndarray, arm: ArmSpec) -> Task:
-    goal = goal_beside(Goal.of(arm.module_count), rows_of(rows))
+    (goal,) = goals_beside([Goal.of(arm.module_count)], rows_of(rows))
     steps = round(SCENE_TIME * arm.control_rate)
     return Task(name, (goal.with_position(target),) * steps, SCORES)
 

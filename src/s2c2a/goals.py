@@ -178,6 +178,20 @@ class Goal(NamedTuple):
             fields[name][module] = value
         return self._replace(**fields).frozen()
 
+    @staticmethod
+    def checked(value: Any) -> "Goal":
+        """Return a goal.
+
+        Raises:
+            TargetError: it is something else, such as a position.
+        """
+        if not isinstance(value, Goal):
+            raise TargetError(
+                f"a goal is needed, got {_format(value)}; build one, for 3 modules with "
+                "Goal.of(3).with_position([0.1, 0, 0.5])"
+            )
+        return value
+
     def frozen(self) -> "Goal":
         """Return a copy of the goal with arrays that nobody can change."""
         values = [

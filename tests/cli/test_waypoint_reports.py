@@ -16,10 +16,10 @@ from s2c2a.models.forward_model import ForwardModel, PCCForwardModel
 from s2c2a.planning.reach import Reachability
 from s2c2a.strategies import TrainedNetworks, recipe_named, save_networks
 from s2c2a.strategies.pcc import GAINS, FittedGains
-from s2c2a.tasks import load_task, paced_task, to_point
+from s2c2a.tasks import Task, load_task, paced_task, to_point
 from s2c2a.tasks.projection import projected
 from s2c2a.tasks.remarks import remarks
-from s2c2a.tasks.scenes import Box, HalfSpace, Scene, Sphere
+from s2c2a.tasks.scenes import Box, HalfSpace, Scene, Sphere, load_scene
 from s2c2a.training import Trained
 
 TWIN = load_arm("twin_arm")
@@ -92,6 +92,30 @@ def test_an_obstacle_at_the_arm_or_far_from_all_shapes_is_remarkable(solid, word
         task = Scene(obstacles=(solid,)).around(to_point(arm, (0.2, 0, 0.5)), arm)
         said = "; ".join(remarks(task, arm, by_arcs=False))
         assert re.search(words, said) if words else not said
+
+
+def test_obstacles_have_the_numbers_of_their_tables_in_the_scene(tmp_path):
+    pytest.importorskip("trimesh").creation.box((0.1,) * 3).export(tmp_path / "box.stl")
+    near = 'kind = "sphere"\ncenter = [0.3, 0, 0.4]\nradius = 0.05'
+    texts = [
+        f"{near}\nappears = 500",
+        'kind = "mesh"\nfile = "box.stl"\nposition = [0, 0.3, 0.3]',
+        near,
+        'kind = "mesh"\nfile = "box.stl"\nposition = [2, 0, 0.3]',
+        'kind = "sphere"\ncenter = [0, 0, 0.6]\nradius = 0.05',
+    ]
+    path = tmp_path / "scene.toml"
+    path.write_text("".join(f"[[obstacles]]\n{text}\n" for text in texts))
+    scene = load_scene(path)
+    for obstacles in ((), ([[0.2, 0, 0.3], [3, 0, 0]], [0.01, 0.1])):
+        goal = to_point(TWIN, (0.2, 0, 0.5)).goals[0]
+        own = Task("own", (goal.with_obstacles(*obstacles),) if obstacles else (goal,))
+        said = [
+            text.split(" is ")[0] for text in remarks(scene.around(own, TWIN), TWIN)
+        ]
+        of_scene = [f"obstacle {n} of the scene (counted from 0)" for n in (3, 4)]
+        assert said == ["obstacle 1 (counted from 0)"] * bool(obstacles) + of_scene
+        assert said[:-2] == [text.split(" is ")[0] for text in remarks(own, TWIN)]
 
 
 def test_a_run_of_a_program_warns_of_a_target_out_of_reach(twin, monkeypatch):

@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 
 from s2c2a.errors import ControllerError, RobotError, S2C2AError, TargetError
-from s2c2a.goals import Goal
+from s2c2a.goals import PREVIEW, Goal
 from s2c2a.runtime import CommandLimits, Loop, Patience, StepRequest
+from s2c2a.runtime.border import check_goal
 from s2c2a.spaces import Reading, Stage
 from s2c2a.tasks import Task
+from s2c2a.tasks.scenes import HalfSpace, goals_beside
 
 RUN, HOLD, RELEASE, IDLE, FAULT = (
     Stage.RUN,
@@ -20,6 +22,7 @@ RUN, HOLD, RELEASE, IDLE, FAULT = (
     Stage.FAULT,
 )
 DISABLED = StepRequest(enabled=False)
+GOAL = Goal.of(3)
 
 
 def sizes_of(puppet):
@@ -328,7 +331,26 @@ def test_after_an_error_every_tick_repeats_it_until_the_arm_is_opened_again(
 @pytest.mark.parametrize(
     ("goal", "words"),
     [
-        (Goal.of(4), r"for 4 modules, and .* has 3; begin with Goal.of\(3\)"),
+        (Goal.of(4), r"positions of shape \(4, 3\), .* begin with Goal.of\(3\)"),
+        *(
+            (GOAL._replace(**{name: value}), f"{name} of shape .* begin with Goal.of")
+            for name, value in Goal.of(4)._asdict().items()
+            if value.shape != getattr(GOAL, name).shape
+        ),
+        (GOAL._replace(obstacles=np.zeros((1, 3))), r"obstacles of shape \(1, 3\)"),
+        (GOAL._replace(change_weight=np.ones(3)), r"change_weight of shape \(3,\)"),
+        (
+            GOAL._replace(preview=np.full((PREVIEW, 3, 6), 300)),
+            "the preview of the goal has a coordinate of 300 m",
+        ),
+        (
+            GOAL.with_obstacles([[0.2, 0, 0.3]], [30]),
+            "an obstacle, by its radius, .* in meters",
+        ),
+        (
+            GOAL.with_obstacles([[200, 0, 300]], [30]),
+            "an obstacle, by its radius, .* in meters",
+        ),
         (
             Goal.of(3).with_position([300, 0, 0]),
             r"300 m, and .* at most 0.6 m; .* meters",
@@ -344,6 +366,23 @@ def test_a_goal_that_is_none_for_the_arm_is_refused_and_the_next_one_goes_on(
     assert run_steps(loop, 1)[0].stage is RUN
     with pytest.raises(TargetError):
         next(iter(Task("far", (Goal.of(3), goal)).shown_goals(loop.arm)))
+
+
+def test_what_is_no_goal_is_refused_where_it_is_given(loop):
+    for position in (np.array([0.1, 0, 0.5]), [0.1, 0, 0.5], "circle"):
+        for gives in (StepRequest, lambda goal: check_goal(goal, loop.arm)):
+            with pytest.raises(TargetError, match=r"Goal.of\(3\).with_position"):
+                gives(position)
+        with pytest.raises(TargetError, match=r"Goal.of\(3\).with_position"):
+            Task("positions", (GOAL, position))
+
+
+def test_far_obstacles_and_walls_as_large_spheres_are_goals(loop):
+    solids = [[0, 0, 900], [0, 51, 0], [0, 0, -50]], [0.1, 50, 49.9]
+    wall = HalfSpace(point=(0, 0, -3), normal=(0, 0, 1)).rows()
+    goals = [GOAL.with_obstacles(*solids), *goals_beside([GOAL], wall)]
+    for goal in goals:
+        assert loop.tick(StepRequest(goal)).goal is not None
 
 
 def test_a_driver_for_another_arm_or_with_a_missing_sensor_is_refused(

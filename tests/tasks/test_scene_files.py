@@ -172,6 +172,16 @@ def test_a_body_does_not_touch_what_its_arm_is_mounted_on():
     assert guarded.radii[-1] == np.float32(0.05)
 
 
+def test_a_copy_of_a_solid_is_checked_and_finds_its_file(tmp_path):
+    with pytest.raises(TargetError, match=r"in the scene .*\n  radius: write 0.0001"):
+        SCENE.obstacles[0].model_copy(update={"radius": -1})
+    (tmp_path / "cube.off").write_text(CUBE)
+    mesh = 'kind = "mesh"\nfile = "cube.off"\nscale = 0.001\nposition = [0.2, 0, 0.3]\n'
+    (solid,) = scene_of(tmp_path, f"[[obstacles]]\n{mesh}").obstacles
+    pytest.importorskip("trimesh")
+    assert len(solid.model_copy(update={"spheres": 3}).rows()) <= 3
+
+
 def test_a_scene_in_millimeters_is_refused():
     scene = Scene(obstacles=(Sphere(center=(200, 150, 500), radius=30),))
     with pytest.raises(TargetError, match="write lengths in meters"):

@@ -68,7 +68,7 @@ def reach(
     from s2c2a import strategies
     from s2c2a.goals import Goal
     from s2c2a.planning.reach import Reachability
-    from s2c2a.tasks.scenes import goal_beside
+    from s2c2a.tasks.scenes import goals_beside
 
     spec = arm_of(arm, weights)
     path = _path(csv, spec) if csv else None
@@ -79,8 +79,7 @@ def reach(
             f"with --csv; {given}"
         )
     plain = path[1] if path else [_goal(target, axis, module, spec)]
-    rows = _obstacle_rows(obstacle, scene)
-    goals = Goal.stacked([goal_beside(goal, rows) for goal in plain])
+    goals = Goal.stacked(goals_beside(plain, _obstacle_rows(obstacle, scene)))
     if not 0.0 <= payload_g < np.inf:
         raise S2C2AError(
             f"--payload-g {payload_g:g} is no mass; give grams, zero or more"

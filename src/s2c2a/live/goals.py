@@ -13,9 +13,10 @@ from s2c2a.estimation import PAPER_COUPLING
 from s2c2a.evaluation.metrics import clearances
 from s2c2a.goals import Goal
 from s2c2a.live.request import Point, Request
-from s2c2a.obstacles import CENTER, CORE, ROW, THRESHOLD
+from s2c2a.obstacles import ROW
 from s2c2a.robots import Robot
 from s2c2a.spaces import Reading
+from s2c2a.tasks.scenes import goals_beside
 from s2c2a.viz.mesh import unit
 
 # the protocol's weights mu_p, mu_o and mu_d of a dragged target; its mu_ob is 1
@@ -44,13 +45,11 @@ def goal_of(request: Request, modules: int, task_goal: Goal | None) -> Goal:
         position_weights=np.float32(factors.position) * goal.position_weights,
         axis_weights=np.float32(factors.axis) * goal.axis_weights,
         change_weight=np.float32(factors.change) * goal.change_weight,
+        obstacle_weight=np.float32(factors.obstacle) * goal.obstacle_weight,
     )
     added = [obstacle.row for obstacle in request.obstacles]
-    rows = np.reshape([*goal.obstacles_in_use(), *added], (-1, ROW))
-    weight = float(factors.obstacle * goal.obstacle_weight)
-    return goal.with_obstacles(
-        rows[:, CENTER], rows[:, THRESHOLD], weight, rows[:, CORE]
-    )
+    (beside,) = goals_beside([goal], np.reshape(added, (-1, ROW)))
+    return beside
 
 
 def curve_through(

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from s2c2a.arm import ArmSpec
-from s2c2a.errors import S2C2AError, TargetError, counted
+from s2c2a.errors import S2C2AError, TargetError
 from s2c2a.goals import Goal
+from s2c2a.obstacles import distances
 
 MAX_DISTANCE = 10.0  # arm lengths from the base; beyond, the unit must be wrong
 
@@ -71,15 +72,24 @@ def check_goal(goal: Goal, arm: ArmSpec) -> None:
     """Refuse a goal that is none for an arm.
 
     Raises:
-        TargetError: it is for another number of modules, or not in meters.
+        TargetError: it is no goal, has an array of another shape, as with another number
+            of modules, or is not in meters.
     """
-    count = len(goal.positions)
-    if count != arm.module_count:
-        raise TargetError(
-            f"the goal is for {counted(count, 'module')}, and '{arm.name}' has "
-            f"{arm.module_count}; begin with Goal.of({arm.module_count})"
-        )
+    fields = zip(
+        Goal._fields, Goal.checked(goal), Goal.of(arm.module_count), strict=True
+    )
+    for name, value, empty in fields:
+        if np.shape(value) != empty.shape:
+            raise TargetError(
+                f"the goal has {name} of shape {np.shape(value)}, and '{arm.name}' of "
+                f"{empty.shape}; begin with Goal.of({arm.module_count})"
+            )
     check_meters(goal.positions, arm, "the goal")
+    check_meters(np.nan_to_num(goal.preview[..., :3]), arm, "the preview of the goal")
+    radii = goal.thresholds
+    gaps = distances(np.zeros(3), goal.obstacles, goal.cores) - radii
+    # obstacles may be far away, and large ones walls of what is near
+    check_meters(np.minimum(radii, np.abs(gaps)), arm, "an obstacle, by its radius,")
 
 
 def check_meters(positions: np.ndarray, arm: ArmSpec, name: str) -> None:
@@ -92,5 +102,5 @@ def check_meters(positions: np.ndarray, arm: ArmSpec, name: str) -> None:
     if not farthest <= MAX_DISTANCE * arm.length:
         raise TargetError(
             f"{name} has a coordinate of {farthest:.3g} m, and '{arm.name}' reaches at "
-            f"most {arm.length:.3g} m; write positions in meters: 0.1, not 100, from the base"
+            f"most {arm.length:.3g} m; write lengths in meters: 0.1, not 100, from the base"
         )

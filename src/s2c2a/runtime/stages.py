@@ -82,7 +82,7 @@ class StepRequest:
     def __post_init__(self):
         """Copy the goal, whose arrays the caller may use again."""
         if self.goal is not None:
-            object.__setattr__(self, "goal", self.goal.frozen())
+            object.__setattr__(self, "goal", Goal.checked(self.goal).frozen())
 
 
 @dataclass(frozen=True)

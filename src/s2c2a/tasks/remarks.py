@@ -49,7 +49,7 @@ def remarks(task: Task, arm: ArmSpec, by_arcs: bool = True) -> Iterator[str]:
             "their name has another unit, such as `time [ms]`"
         )
     if any(goal.thresholds.any() for goal in task.goals):
-        yield from _odd_obstacles(task.obstacles(), arm)
+        yield from _odd_obstacles(task, arm)
 
 
 def time_spans(is_wanted: Bool[np.ndarray, " steps"], arm: ArmSpec) -> str:
@@ -61,10 +61,10 @@ def time_spans(is_wanted: Bool[np.ndarray, " steps"], arm: ArmSpec) -> str:
     return f"{listed(spans)} s"
 
 
-def _odd_obstacles(
-    rows: Float[np.ndarray, "steps obstacles 12"], arm: ArmSpec
-) -> Iterator[str]:
+def _odd_obstacles(task: Task, arm: ArmSpec) -> Iterator[str]:
     """Obstacles that contain the tip at rest, and those beyond the arm or behind it."""
+    rows = task.obstacles()
+    names = np.array(task.obstacle_names())
     # walls and tables are described wherever they are
     are_solids = np.array([not is_half_space(row) for row in rows[0]])
     # of what is absent, no comparison is true
@@ -79,8 +79,9 @@ def _odd_obstacles(
     is_near = (gaps(np.zeros(3)) <= arm.length) & (gaps(above) <= height)
     far = ~is_near.any(axis=0) & are_solids
     within = gaps(np.array([0.0, 0.0, arm.length]))[0] < 0.0
-    for number in np.flatnonzero(far | within):
-        where = "where the tip is at rest"
-        if far[number]:
-            where = f"beyond the arm's reach or behind its base: {BEHIND}"
-        yield f"obstacle {number} (counted from 0) is {where}"
+    for name in dict.fromkeys(names):
+        is_named = names == name
+        if far[is_named].all():
+            yield f"{name} is beyond the arm's reach or behind its base, in meters: {BEHIND}"
+        elif within[is_named].any():
+            yield f"{name} is where the tip is at rest"

@@ -12,14 +12,13 @@ from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from jaxtyping import Float
-from pydantic import Field, PrivateAttr, TypeAdapter, ValidationError, model_validator
+from pydantic import Field, PrivateAttr, TypeAdapter, model_validator
 from scipy.spatial.transform import Rotation
 
 from s2c2a.arm import ArmSpec
 from s2c2a.arm.fields import Free, Frozen, Number, between, optional
-from s2c2a.errors import S2C2AError, TargetError, counted
-from s2c2a.files.text import parse_toml, read_text
-from s2c2a.files.validation import explained, key_names
+from s2c2a.errors import TargetError, counted
+from s2c2a.files.text import read_text
 from s2c2a.goals import MAX_OBSTACLES, Goal
 from s2c2a.obstacles import (
     CENTER,
@@ -34,7 +33,6 @@ from s2c2a.obstacles import (
     distances,
     turns_to,
 )
-from s2c2a.runtime.border import MAX_DISTANCE
 from s2c2a.tasks.meshes import Cover, covering_spheres
 from s2c2a.tasks.task import Score, Task
 
@@ -52,7 +50,14 @@ def _size(meaning: str) -> Number:
     return between(SKIN, 100, "m", meaning)
 
 
-class Solid(Frozen):
+class _OfScene(Frozen):
+    """Table of a scene file."""
+
+    fault_type = TargetError
+    described = "scene (obstacles count from 0)"
+
+
+class Solid(_OfScene):
     """An obstacle of any kind."""
 
     omitted_defaults: ClassVar[frozenset[str]] = frozenset(
@@ -247,20 +252,15 @@ Kept = Annotated[AnySolid, Field(discriminator="kind")]
 SOLID: TypeAdapter[AnySolid] = TypeAdapter(Kept)
 
 
-class Scene(Frozen):
+class Scene(_OfScene):
     """Obstacles, at most `MAX_OBSTACLES`."""
 
     obstacles: tuple[Kept, ...] = Field(description="tables [[obstacles]]")
 
     def rows_at(self, times: Times) -> RowsOverTime:
-        """Rows of all obstacles at times [s].
-
-        Raises:
-            TargetError: there are more than a goal may have.
-        """
+        """Rows of all obstacles at times [s]."""
         solids = [solid.rows_at(times) for solid in self.obstacles]
         rows = np.concatenate([np.zeros((len(times), 0, 12)), *solids], axis=1)
-        _check_count(rows.shape[1], "the scene")
         return rows
 
     def remarks(self) -> Iterator[str]:
@@ -272,59 +272,50 @@ class Scene(Frozen):
                     f"up to {1000 * solid.excess:.0f} mm beyond it"
                 )
 
-    def beside(self, goals: Sequence[Goal], period: float) -> list[Goal]:
-        """Goals of successive control steps with these obstacles, too.
-
-        Args:
-            goals: their own obstacles stay.
-            period: of the control steps [s].
-
-        Raises:
-            TargetError: both together are too many obstacles.
-        """
-        own = Goal.stacked(goals).obstacles_in_use()
-        added = self.rows_at(period * np.arange(1, len(goals) + 1))
-        rows = np.concatenate([own, added], axis=1)
-        _check_count(rows.shape[1], "task and scene together")
-        return [_with_rows(*each) for each in zip(goals, rows, strict=True)]
-
     def around(self, task: Task, arm: ArmSpec) -> Task:
         """The task beside these obstacles, whose clearance is scored, too.
 
         Raises:
-            TargetError: both together have too many obstacles, or one is too far away
-                for meters.
+            TargetError: both together have too many obstacles, or see `Task.check`.
         """
-        for number, solid in enumerate(self.obstacles):
-            gap = solid.gap_of_base()
-            if gap > MAX_DISTANCE * arm.length and not any(solid.velocity):
-                raise TargetError(
-                    f"obstacle {number} of the scene (counted from 0) is {gap:.3g} m from "
-                    f"the base, and '{arm.name}' is {arm.length:.3g} m long; write lengths "
-                    "in meters: 0.1, not 100"
-                )
-        goals = self.beside(task.goals, arm.control_period)
+        names = task.obstacle_names()
+        for table, solid in enumerate(self.obstacles):
+            names += [f"obstacle {table} of the scene (counted from 0)"] * len(
+                solid.rows()
+            )
+        times = arm.control_period * np.arange(1, len(task.goals) + 1)
+        goals = goals_beside(task.goals, self.rows_at(times))
         known = {score.metric for score in task.scores}
         missing = [score for score in CLEARANCES if score.metric not in known]
-        return replace(task, goals=tuple(goals), scores=(*task.scores, *missing))
+        scores = *task.scores, *missing
+        around = replace(task, goals=goals, scores=scores, solids=tuple(names))
+        around.check(arm)
+        return around
 
 
-def goal_beside(goal: Goal, rows: Rows) -> Goal:
-    """The goal with further obstacles; with a threshold of zero they are absent.
+def goals_beside(goals: Sequence[Goal], rows: Rows) -> tuple[Goal, ...]:
+    """Goals with further obstacles; their own stay, before these.
+
+    Args:
+        goals: of successive control steps.
+        rows: of all goals, or of each; with a threshold of zero they are absent.
 
     Raises:
         TargetError: too many.
     """
-    everything = np.concatenate([goal.obstacles_in_use(), rows])
-    _check_count(len(everything), "task and scene together")
-    return _with_rows(goal, everything)
-
-
-def _with_rows(goal: Goal, rows: Rows) -> Goal:
-    """The goal with these obstacles."""
-    weight = float(goal.obstacle_weight)
-    parts = rows[:, CENTER], rows[:, THRESHOLD], weight, rows[:, CORE]
-    return goal.with_obstacles(*parts)
+    added = np.broadcast_to(rows, (len(goals), *rows.shape[-2:]))
+    own = Goal.stacked(goals).obstacles_in_use()
+    everything = np.concatenate([own, added], axis=1)
+    _check_count(everything.shape[1], "task and scene together")
+    return tuple(
+        goal.with_obstacles(
+            each[:, CENTER],
+            each[:, THRESHOLD],
+            float(goal.obstacle_weight),
+            each[:, CORE],
+        )
+        for goal, each in zip(goals, everything, strict=True)
+    )
 
 
 def load_scene(path: str | os.PathLike) -> Scene:
@@ -336,14 +327,7 @@ def load_scene(path: str | os.PathLike) -> Scene:
     """
     if not Path(path).is_file():
         raise TargetError(f"no scene file {path}; docs/guides/obstacles.md shows one")
-    text = read_text(path, TargetError)
-    try:
-        scene = Scene.model_validate(parse_toml(text))
-    except S2C2AError as error:
-        raise TargetError(f"{path}: {error}") from error
-    except ValidationError as error:
-        heading = f"{path}: {HEADING}"
-        raise TargetError(explained(error, heading, key_names(Scene))) from error
+    scene = Scene.from_toml(read_text(path, TargetError), str(path))
     for solid in scene.obstacles:
         if isinstance(solid, Mesh):
             solid._folder = Path(path).parent
@@ -379,6 +363,3 @@ def _check_count(count: int, what: str) -> None:
             f"{what} would have {count} obstacles, and at most {MAX_OBSTACLES} are "
             "allowed; leave some out, or cover meshes by fewer spheres"
         )
-
-
-HEADING = "{faults} in the scene (obstacles count from 0)"

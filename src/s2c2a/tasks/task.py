@@ -8,11 +8,12 @@ from jaxtyping import Bool, Float
 
 from s2c2a.arm import ArmSpec
 from s2c2a.errors import TargetError, counted
-from s2c2a.goals import Goal, GoalPart, preview_stride, previewed
+from s2c2a.goals import MAX_OBSTACLES, Goal, GoalPart, preview_stride, previewed
 from s2c2a.runtime.border import check_goal
 
 PAPER_LENGTH = 0.6  # m; lengths of the protocol are for an arm of this length
 Path = Float[np.ndarray, "steps 3"]
+SOLIDS = tuple(f"obstacle {row} (counted from 0)" for row in range(MAX_OBSTACLES))
 
 
 @dataclass(frozen=True)
@@ -44,6 +45,7 @@ class Task:
             moves, as the target in a hand.
         curve: desired center line from base to tip [m], base frame, which the metric
             `shape` compares; None without one.
+        solids: name of the solid of every row of its obstacles, as a scene counts them.
     """
 
     name: str
@@ -51,13 +53,16 @@ class Task:
     scores: tuple[Score, ...] = (Score("position"),)
     foreseen: bool = True
     curve: Float[np.ndarray, "points 3"] | None = None
+    solids: tuple[str, ...] = SOLIDS
 
     def __post_init__(self):
-        """Validate that there are goals."""
+        """Validate that there are goals, and nothing else."""
         if not self.goals:
             raise TargetError(
                 f"the task '{self.name}' has no goals; give one for every control step"
             )
+        for goal in self.goals:
+            Goal.checked(goal)
 
     def __repr__(self) -> str:
         """Name, size and metrics; the goals are too many to read."""
@@ -125,3 +130,8 @@ class Task:
     def obstacles(self) -> Float[np.ndarray, "steps obstacles 12"]:
         """Active obstacles, as rows (`s2c2a.obstacles`), base frame."""
         return Goal.stacked(self.goals).obstacles_in_use()
+
+    def obstacle_names(self) -> list[str]:
+        """Names of these rows; all rows of a mesh have the same."""
+        rows = np.flatnonzero(Goal.stacked(self.goals).thresholds.any(axis=0))
+        return [self.solids[row] for row in rows]
