@@ -1,6 +1,6 @@
 """The chain with a local model beside it, on arms that bend otherwise than the chain can say."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import equinox as eqx
 import jax
@@ -17,6 +17,7 @@ from s2c2a.kinematics import (
 )
 from s2c2a.models import LocalOptions, local, residual_process
 from s2c2a.models.chain_training import hysteresis_inputs
+from s2c2a.models.local_training import _judge
 from s2c2a.planning import BEST, Goal, Planner
 from s2c2a.planning.terms import Extrapolation
 from s2c2a.training import FitOptions, TrainingData
@@ -294,3 +295,32 @@ def test_what_the_chain_leaves_without_pattern_is_left_to_it(arm):
     assert not process.is_fitted
     assert float(process.scale.min()) > 0.0
     assert trained.errors["held-out samples"] > 0.2
+
+
+@dataclass(frozen=True)
+class StatedProcess:
+    """A process that predicts nothing, with deviations that its samples state."""
+
+    scale: np.ndarray
+
+    def given(self, features, residual):
+        return self
+
+    def __call__(self, features):
+        return 0.0
+
+    def deviations(self, features):
+        return np.asarray(features)[:, 0]
+
+
+def test_samples_whose_ends_are_not_seen_judge_no_noise():
+    random = np.random.default_rng(0)
+    seen = [(np.full((30, 1), 0.5), random.normal(size=(30, 6))) for _ in range(3)]
+    unseen = np.full((300, 1), 4.0), np.full((300, 6), np.nan)
+    with_gaps = [
+        tuple(map(np.concatenate, zip(part, unseen, strict=True))) for part in seen
+    ]
+    process = StatedProcess(np.ones(6))
+    one, other = (_judge(process, parts, 1.0) for parts in (seen, with_gaps))
+    np.testing.assert_allclose(other.process.scale, one.process.scale, rtol=1e-6)
+    assert other.surprise == pytest.approx(one.surprise)

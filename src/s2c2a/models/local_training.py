@@ -255,14 +255,15 @@ def _judge(process: ResidualProcess, parts: Sequence[Part], unit: float) -> _Jud
     deviation = np.concatenate(deviations)[:, None]
     relative = errors / deviation
     known = np.isfinite(relative)
-    squares = np.where(known, relative, 0.0) ** 2
-    scale = np.sqrt(squares.sum(axis=0) / np.maximum(known.sum(axis=0), 1))
+    count = np.maximum(known.sum(axis=0), 1)
+    scale = np.sqrt(np.nansum(relative**2, axis=0) / count)
     ends = errors.reshape(len(errors), -1, 6)[:, -1, POSITION]
     distances = unit * np.linalg.norm(ends, axis=-1)
     seen = distances[np.isfinite(distances)]
     tip_errors = {HELD_OUT: float(seen.mean())} if len(seen) else {}
-    known_scales = scale[scale > 0.0]
-    surprise = len(known_scales) * np.log(deviation).mean() + np.log(known_scales).sum()
+    # of each output, over the samples that have it
+    logs = (known * np.log(deviation)).sum(axis=0) / count
+    surprise = logs.sum() + np.log(scale[scale > 0.0]).sum()
     process = replace(process, scale=jnp.asarray(scale, jnp.float32))
     return _Judgment(process, errors, tip_errors, float(surprise))
 
