@@ -94,7 +94,7 @@ def test_a_map_is_drawn(what, path, tmp_path, capsys):
         ("", "none was given"),
         ("--target 0 0 0.5 --csv path.csv", "both were given"),
         ("--csv missing.csv", "no waypoints at missing.csv"),
-        ("--target 200 100 500", "write positions in meters"),
+        ("--target 200 100 500", "write lengths in meters"),
         ("--target nan 0 0.5", "three finite numbers"),
         ("--target 0.1 0.2", "must be three finite numbers of at most 1e+06, got (0.1"),
         ("--target 0 0 0.5 0.1", "the target position must be three finite numbers"),

@@ -178,7 +178,7 @@ FAULTS = {
     ),
     "states in millimeters": (
         misreading(lambda robot: {"states": robot.states() * ([1000.0] * 3 + [1] * 3)}),
-        "'states' has a coordinate of 600 m, .*write positions in meters",
+        "'states' has a coordinate of 600 m, .*write lengths in meters",
     ),
     "flat configurations": (misreading(_flat), "'configurations' has shape"),
     "declared as flat": (

@@ -68,7 +68,7 @@ EDGE = np.array([[0, 0, 0], [0, 0, 0.3], [0.4, 0, 0.3]])
     ("points", "told"),
     [
         (arc(90)[:2], "has 2 points; give at least three"),
-        (1000 * arc(90), "write positions in meters"),
+        (1000 * arc(90), "write lengths in meters"),
         (np.full((3, 3), np.nan), "a coordinate of nan m"),
         (arc(90)[60:], "cm from the base; begin it at the base"),
         (arc(90)[::-1], "list its points from base to tip"),
