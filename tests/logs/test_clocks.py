@@ -106,6 +106,7 @@ def test_files_with_clocks_since_1970_and_since_0_are_joined():
     errors = take.positions[known, 0, 0] - expected[known]
     assert np.sqrt(np.mean(errors**2)) < 0.001
     assert "ppm" in str(clock)
+    assert "only the difference of offset and lag" in str(clock)
     assert clock.summary()["offset"] == clock.offset
 
 

@@ -24,6 +24,13 @@ unit = "mm"
 """
 
 
+def test_a_column_of_two_ends_is_an_error():
+    end = VALID[VALID.index("[[ends]]") :].replace('"x"', '"u"')
+    two = VALID.replace("modules = 1", "modules = 2") + f"{end}module = 0\n"
+    with pytest.raises(LogError, match="name the column 'y' more than once"):
+        map_from_toml(two)
+
+
 def test_a_short_map_of_a_slow_log_is_enough():
     log_map = map_from_toml(VALID.replace("control_rate = 10", "control_rate = 0.01"))
     assert log_map.end_modules == [0]

@@ -10,7 +10,9 @@ from s2c2a.arm.geometry import cable_matrix
 from s2c2a.errors import S2C2AError
 from s2c2a.kinematics import states_from_bends
 from s2c2a.logs import import_logs, map_from_toml
-from s2c2a.logs.model_fit import _standard_deviations
+from s2c2a.logs.model_fit import _covariance
+from s2c2a.logs.pipeline import _fit, _read_takes
+from s2c2a.logs.stated_values import explain_angles
 from s2c2a.logs.summary import summary, verdict
 
 ANGLES = np.deg2rad([0.0, 120.0, 240.0])
@@ -85,9 +87,45 @@ def test_a_deviation_keeps_what_the_log_does_not_excite():
     prior = np.diag([1.0, 1.0, 0.5])
     jacobian = np.concatenate([rows, prior, np.zeros((1, 3))])
     residuals = np.concatenate([np.full(100, 1e-3), np.zeros(4)])
-    std = _standard_deviations(residuals, jacobian, 100, 1)
+    std = np.sqrt(np.diag(_covariance(residuals, jacobian, 100, 1)))
     assert std[0] < 0.02
     assert std[1] == pytest.approx(np.hypot(1.0, 2.0))
+
+
+@pytest.mark.parametrize("length", [0.15, 0.3])
+def test_a_length_that_small_bends_do_not_show_is_no_silent_verdict(write, length):
+    bends = np.random.default_rng(3).uniform(-0.1, 0.1, (400, 2))
+    pulls = 20.0 * bends @ cable_matrix(ANGLES).T
+    path = write(pulls, bends)
+    text = log_map("mm", '[frame]\nalong = "x"\n', f"length = {length}\n")
+    imported = import_logs([path], text)
+    assert "not determined by this log: " in verdict(imported)
+    assert "arm.length" in verdict(imported)
+    assert "measure it on the arm" in "\n".join(summary(imported))
+
+
+def with_angles(log_map, angles_deg):
+    """The map with drives that pull at stated angles."""
+    drives = [
+        each.model_copy(update={"angle_deg": angle, "positive": "pulls"})
+        for each, angle in zip(log_map.drives, angles_deg, strict=True)
+    ]
+    return log_map.model_copy(update={"drives": tuple(drives)})
+
+
+def test_angles_in_radians_and_exchanged_drives_are_named(write):
+    bends = np.random.default_rng(3).uniform(-0.8, 0.8, (400, 2))
+    path = write(20.0 * bends @ cable_matrix(ANGLES).T, bends, Rotation.identity())
+    free = log_map("mm", '[frame]\nalong = "z"\nx = "x"\n')
+    right = with_angles(free, [0.0, 120.0, 240.0])
+    fitted = _fit(_read_takes([path], right), right)
+    clauses = {
+        "": right,
+        "write angle_deg in degrees, not in radians": with_angles(free, ANGLES),
+        "exchange module, angle_deg of 'c1' and 'c2'": with_angles(free, [0, 240, 120]),
+    }
+    for clause, stated in clauses.items():
+        assert explain_angles(fitted.fit, fitted.observations, stated) == [clause]
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,6 @@ from s2c2a.execution.progress import Progress, quiet
 from s2c2a.logs.assignment import can_bend, rank_assignments
 from s2c2a.logs.cable_model import CableParameters, Wiring
 from s2c2a.logs.errors import LogError
-from s2c2a.logs.interpolation import evenly_spread
 from s2c2a.logs.log_map import Drive, LogMap
 from s2c2a.logs.model_fit import CableFit, Observations, fit_parameters
 from s2c2a.logs.priors import stated_angles, with_stated_angles
@@ -32,7 +31,6 @@ UNEVEN_DEG = 60.0  # a gap this much above an even one doubles the cost
 # slack cables show
 AMBIGUOUS_RATIO = 0.8
 IMPROVED_RATIO = 0.98  # a cost below this ratio is an improvement
-MAX_FITTED = 200  # rows of every fit, evenly spread: all fits are compiled once
 FIRST_ITERATIONS = 5
 TRIAL_ITERATIONS = 15
 REWEIGHTINGS = 30  # of a regression
@@ -95,12 +93,7 @@ def identify_cables(
         LogError: no assignment gives every module cables that bend it in all
             directions.
     """
-    rows = evenly_spread(len(observations.columns), MAX_FITTED)
-    subset = replace(
-        observations,
-        columns=observations.columns[rows],
-        states=observations.states[rows],
-    )
+    subset = observations.thinned()
     progress(FITTING, 0, PARTS)
     trials = list(_first_trials(observations, subset, start, log_map))
     if not trials:
@@ -370,7 +363,7 @@ def _choose_signs(
             if not is_close:
                 doubt = "the better fit has the less even cables"
             ambiguities.append(
-                f"module {module + 1}: whether larger numbers pull or release "
+                f"signs of module {module + 1}: larger numbers pull or release "
                 f"({doubt}; state `positive` of its drives)"
             )
         if ratio < 1:

@@ -269,6 +269,23 @@ def _sign_changes(found: Identified, log_map: LogMap) -> Iterator[str]:
         yield clause
 
 
+def angle_changes(log_map: LogMap) -> Iterator[list[tuple[str, LogMap]]]:
+    """Groups of clauses and maps with other angles; first the map itself."""
+    yield [("", log_map)]
+    drives = log_map.drives
+    degrees = [
+        _with(each, angle_deg=each.angle_deg and np.rad2deg(each.angle_deg))
+        for each in drives
+    ]
+    changed = _with(log_map, drives=tuple(degrees))
+    yield [("write angle_deg in degrees, not in radians", changed)]
+    yield [
+        exchange_drives(pair, PLACE, log_map)
+        for pair in combinations(range(len(drives)), 2)
+        if drives[pair[0]].module == drives[pair[1]].module
+    ]
+
+
 def reversed_drives(log_map: LogMap) -> tuple[str, LogMap]:
     """Clause, and the map in which every stated effect of a drive is the other one."""
     other = {"pulls": "releases", "releases": "pulls"}

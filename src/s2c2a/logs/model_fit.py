@@ -5,7 +5,7 @@ errors of the model repeat in every row and would outvote any prior.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import jax
@@ -22,9 +22,11 @@ from s2c2a.logs.cable_model import (
     states_in_base,
     states_in_log,
 )
+from s2c2a.logs.interpolation import evenly_spread
 
 PART = 10_000  # rows that are predicted at once; four times as many take 0.14 s
 MAX_ITERATIONS = 40
+MAX_FITTED = 200  # rows of a fit
 BLOCKS = 20
 OUTLIER = 0.05  # relative residual from which the robust loss grows linearly
 WIDE = 1e3  # prior standard deviation of a free parameter
@@ -56,6 +58,11 @@ class Observations:
     scale: float
     bounds: Mapping[str, tuple[np.ndarray, float]] = field(default_factory=dict)
 
+    def thinned(self) -> "Observations":
+        """Evenly spread rows, as many in every fit, so that all are compiled once."""
+        rows = evenly_spread(len(self.columns), MAX_FITTED)
+        return replace(self, columns=self.columns[rows], states=self.states[rows])
+
 
 @dataclass(frozen=True)
 class CableFit:
@@ -66,12 +73,14 @@ class CableFit:
         wiring: motors and routes of the cables.
         cost: half the robust sum of squared residuals.
         std: standard deviations of the parameters.
+        total_std: standard deviation of the logarithm of the whole length.
     """
 
     parameters: CableParameters
     wiring: Wiring
     cost: float
     std: CableParameters | None = None
+    total_std: float = np.inf
 
 
 def fit_parameters(
@@ -91,6 +100,7 @@ def fit_parameters(
         with_std: whether to compute standard deviations.
     """
     std = None
+    total_std = np.inf
     by_total = "total" in observations.bounds
     with jax.enable_x64(True):
         first = flatten(start)
@@ -129,13 +139,16 @@ def fit_parameters(
         )
         parameters = _from_variables(result.x, start, by_total)
         if with_std:
-            vector = _standard_deviations(
+            covariance = _covariance(
                 residuals(result.x),
                 jacobian(result.x) @ _variables_jacobian(parameters, by_total),
                 *observations.columns.shape,
             )
-            std = unflatten(vector, start)
-    return CableFit(parameters, wiring, float(result.cost), std)
+            std = unflatten(np.sqrt(np.diag(covariance)), start)
+            by_parameters = _variables_jacobian(parameters, by_total=True)
+            variances = np.diag(by_parameters @ covariance @ by_parameters.T)
+            total_std = float(np.sqrt(unflatten(variances, start).lengths[0]))
+    return CableFit(parameters, wiring, float(result.cost), std, total_std)
 
 
 def flatten(parameters: CableParameters) -> np.ndarray:
@@ -291,10 +304,10 @@ def _states(parameters, wiring, columns, tension):
 _compiled_states = partial(jax.jit, static_argnames="tension")(_states)
 
 
-def _standard_deviations(
+def _covariance(
     residuals: np.ndarray, jacobian: np.ndarray, rows: int, drives: int
 ) -> np.ndarray:
-    """Standard deviations of the parameters, of gains from their mean.
+    """Covariance of the parameters, of gains from their mean.
 
     Residuals of nearby rows are correlated, so the scatter is that of blocks of rows.
     The model error is not noise: it repeats in every block, and one of its patterns may
@@ -318,4 +331,4 @@ def _standard_deviations(
     gains = slice(drives + 1, 2 * drives + 1)
     centered[drives, gains] = 1 / drives
     centered[gains, gains] -= 1 / drives
-    return np.sqrt(np.diag(centered @ covariance @ centered.T))
+    return centered @ covariance @ centered.T

@@ -62,7 +62,9 @@ from s2c2a.logs.rotation_changes import (
     without_rotations,
 )
 from s2c2a.logs.stated_values import (
+    compare_lengths,
     describe_contradictions,
+    explain_angles,
     still_drives,
     undetermined_numbers,
     unusual_numbers,
@@ -352,10 +354,11 @@ def _diagnose_failure(takes: list[LogTake], rests: np.ndarray, log_map: LogMap) 
     or modules are wrong shows only if these are right.
     """
     all_drives = [reversed_drives(log_map), reversed_modules(log_map)]
+    shown = _shown_directions(takes, log_map)
     return (
-        _diagnose_whole(takes, rests, log_map, _shown_directions(takes, log_map))
+        _explain_whole(takes, rests, log_map, shown).sentence()
         or _diagnose_drives(takes, rests, log_map)
-        or _diagnose_whole(takes, rests, log_map, all_drives)
+        or _explain_whole(takes, rests, log_map, all_drives).sentence()
     )
 
 
@@ -366,14 +369,14 @@ def _shown_directions(
     return other_directions(log_map, estimate_z(ends, log_map))
 
 
-def _diagnose_whole(
+def _explain_whole(
     takes: list[LogTake],
     rests: np.ndarray,
     log_map: LogMap,
     changes: Sequence[tuple[str, LogMap]],
     known: _Fitted | None = None,
-) -> str:
-    """Sentence on what concerns all drives or ends; empty if it is not at fault.
+) -> "_Explanation":
+    """Fits of maps that are changed in what concerns all drives or ends.
 
     No search passes from one of the values to another, so that each is fitted from its
     own start.
@@ -387,16 +390,22 @@ def _diagnose_whole(
         for others in possible_rests(read, changed):
             rested = [from_rests(take, others) for take in read]
             explain.tries(clause, changed, rested, others)
-    return explain.sentence()
+    return explain
 
 
 class _Explanation:
-    """Changed maps that explain a log clearly better; see `_diagnose_drives`."""
+    """Changed maps that explain a log clearly better; see `_diagnose_drives`.
+
+    Attributes:
+        close: what maps miss that explain it about as well as stated, by clause.
+    """
 
     def __init__(self, known: _Fitted | None):
         self._known = known
+        self._cost = _cost(known) if known else np.inf
         self._missed = missed_share(known.fit, known.observations) if known else np.inf
         self._found: list[tuple[float, str, float]] = []
+        self.close: dict[str, str] = {}
 
     def tries(
         self, clause: str, changed: LogMap, takes: list[LogTake], rests: np.ndarray
@@ -410,11 +419,17 @@ class _Explanation:
         if contradicts_angles(Identified.of(fit, fitted.assignment, axes), changed):
             return False
         share = missed_share(fit, fitted.observations)
+        cost = _cost(fitted)
         # other cables can make up for one of another unit, at the cost of odd numbers
-        is_better = self._known is None or fit.cost < CLEARLY * self._known.fit.cost
-        does = share < MOST and (is_better or share < CLEARLY * self._missed)
+        is_better = cost < CLEARLY * self._cost or share < CLEARLY * self._missed
+        does = share < MOST and is_better
         if does:
-            self._found.append((fit.cost, clause, share))
+            self._found.append((cost, clause, share))
+        elif AMBIGUOUS_RATIO * cost < self._cost:
+            self.close[clause] = (
+                f"misses {100 * share:.0f} % of the motion, and as stated "
+                f"{100 * self._missed:.0f} %"
+            )
         return does
 
     def sentence(self) -> str:
@@ -432,6 +447,11 @@ class _Explanation:
             f"{CONTRADICTION}{', or '.join(clauses)}{doubt}; the model then misses "
             f"{100 * share:.0f} % of the motion{before} (nothing was changed)"
         )
+
+
+def _cost(fitted: _Fitted) -> float:
+    """Cost of a fit [m^2], whatever the length of its arm."""
+    return fitted.fit.cost * fitted.observations.scale**2
 
 
 def _describe(fitted: _Fitted, log_map: LogMap, arm: ArmSpec | None) -> Imported:
@@ -466,22 +486,39 @@ def _describe(fitted: _Fitted, log_map: LogMap, arm: ArmSpec | None) -> Imported
     unusual = unusual_numbers(fit, fitted.start, log_map)
     diagnosis = diagnose_map(fitted.takes, log_map, given)
     missed = missed_share(fit, observations)
+    identified = Identified.of(fit, assignment, observations.axes)
+    contradictions = [describe_contradictions(fit.parameters, observations)]
+    ambiguities = list(fitted.ambiguities)
+    if not diagnosis and missed < POOR:  # angles of a poor fit mean nothing
+        wrong = describe_angles(identified, log_map)
+        clauses = explain_angles(fit, observations, log_map) if wrong else [""]
+        if clauses != [""]:
+            contradictions.append(wrong)
+            fault = ", or ".join(clauses)
+            diagnosis = f"{CONTRADICTION}{fault} (nothing was changed)" if fault else ""
     if not diagnosis:
         # modules and coupling hold for other signs, directions and lengths, too: a fit
         # takes a tenth of the time of the search that found them
         held = with_assignment(log_map, assignment)
+        order = reversed_modules(log_map)
         changes = [
             reversed_drives(held),
             unstated_lengths(held),
             *_shown_directions(fitted.takes, held),
         ]
         if any(drive.module is not None for drive in log_map.drives):
-            changes.append(reversed_modules(log_map))
-        diagnosis = _diagnose_whole(fitted.takes, fitted.rests, held, changes, fitted)
-    contradictions = [describe_contradictions(fit.parameters, observations)]
-    if not diagnosis and missed < POOR:  # angles of a poor fit mean nothing
-        identified = Identified.of(fit, assignment, observations.axes)
-        contradictions.append(describe_angles(identified, log_map))
+            changes.append(order)
+        explain = _explain_whole(fitted.takes, fitted.rests, held, changes, fitted)
+        diagnosis = explain.sentence()
+        if order[0] in explain.close:
+            ambiguities.append(
+                f"order of modules: reversed, the model {explain.close[order[0]]}; check "
+                "on the arm at which module the cables of each drive end"
+            )
+        wrong, unseen = compare_lengths(fit, observations, log_map)
+        contradictions.append(wrong)
+        if unseen:
+            ambiguities.append(unseen)
     # a drive of another unit hardly moves, or lets others seem to
     still = still_drives(observations.columns, log_map)
     if not diagnosis and (missed > POOR or unusual or still):
@@ -499,7 +536,7 @@ def _describe(fitted: _Fitted, log_map: LogMap, arm: ArmSpec | None) -> Imported
         assignment,
         residual,
         log_map.rows.kind == "steps",
-        tuple(fitted.ambiguities),
+        tuple(ambiguities),
         segments,
         diagnosis,
         poor_fit,

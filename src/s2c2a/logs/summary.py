@@ -85,13 +85,14 @@ def verdict(imported: Imported) -> str:
     unsupported = "pressures below zero are not supported"
     if is_vacuum and np.median(lowest) < 0.0:
         return f"not usable ({unsupported})"
+    doubts = ", ".join(text.split(":")[0] for text in imported.ambiguities)
     reasons = {
         unsupported: is_vacuum,
         missed: imported.poor_fit,
         "stated values are contradicted": imported.contradictions,
         "numbers are not determined": imported.undetermined,
         "numbers are unusual": imported.unusual,
-        "signs are ambiguous": imported.ambiguities,
+        f"not determined by this log: {doubts}": doubts,
         "the frame moves": imported.segments.frame_motions,
         "most steps lie between rows": imported.interpolated,
     }
