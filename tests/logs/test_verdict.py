@@ -105,9 +105,9 @@ def test_a_length_that_small_bends_do_not_show_is_no_silent_verdict(write, lengt
 
 
 def with_angles(log_map, angles_deg):
-    """The map with drives that pull at stated angles."""
+    """The map with drives that release cables at stated angles."""
     drives = [
-        each.model_copy(update={"angle_deg": angle, "positive": "pulls"})
+        each.model_copy(update={"angle_deg": angle, "positive": "releases"})
         for each, angle in zip(log_map.drives, angles_deg, strict=True)
     ]
     return log_map.model_copy(update={"drives": tuple(drives)})
