@@ -27,7 +27,7 @@ unit = "mm"
 def test_a_column_of_two_ends_is_an_error():
     end = VALID[VALID.index("[[ends]]") :].replace('"x"', '"u"')
     two = VALID.replace("modules = 1", "modules = 2") + f"{end}module = 0\n"
-    with pytest.raises(LogError, match="name the column 'y' more than once"):
+    with pytest.raises(LogError, match="name each column of the ends once"):
         map_from_toml(two)
 
 

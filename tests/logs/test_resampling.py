@@ -81,6 +81,14 @@ def test_decreasing_times_are_an_error():
         split_segments(take([0.0, 1.0, 0.5, 2.0]), STEPS, 1.0)
 
 
-def test_milliseconds_that_are_read_as_seconds_are_named():
-    with pytest.raises(LogError, match=r'100 s apart, 1000 control periods.*"ms"'):
-        split_segments(take(100.0 * np.arange(50)), TIMED, 0.1)
+@pytest.mark.parametrize(
+    ("interval", "text"),
+    [
+        (100.0, "100 s apart, 1000 control periods"),  # milliseconds as seconds
+        (6.0, "6 s apart, 60 control periods"),  # seconds as minutes
+        (1e-4, "0.0001 s apart"),  # seconds as milliseconds
+    ],
+)
+def test_rates_of_rows_that_no_log_has_name_the_unit(interval, text):
+    with pytest.raises(LogError, match=f"{text}.*correct rows.unit"):
+        split_segments(take(interval * np.arange(50)), TIMED, 0.1)

@@ -325,7 +325,7 @@ def _cable_angles_deg(
     return angles[assignment.modules[wiring.drive] == module]
 
 
-def _is_symmetric(drive: Drive) -> bool:
+def is_symmetric(drive: Drive) -> bool:
     """Whether reversing a motor equals turning it by 180 deg, as for a cable pair."""
     cables = {(round(cable.turn_deg) % 360, cable.sign) for cable in drive.cables}
     return cables == {((turn + 180) % 360, -sign) for turn, sign in cables}
@@ -341,7 +341,7 @@ def _choose_signs(
         drives = [log_map.drives[index] for index in np.flatnonzero(members)]
         if any(drive.effect != "unknown" for drive in drives):
             continue
-        if all(_is_symmetric(drive) for drive in drives):
+        if all(is_symmetric(drive) for drive in drives):
             continue
         signs = np.where(members, -assignment.signs, assignment.signs)
         trial = replace(assignment, signs=signs)

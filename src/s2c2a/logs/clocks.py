@@ -76,11 +76,10 @@ class LogClock(NamedTuple):
             return f"{self.offset:+.6g} s (stated) give the time of the first file"
         return (
             f"{self.offset:+.4f} s +- {1e3 * self.offset_std:.1f} ms give the time of "
-            f"the first file, if the ends follow {1e3 * self.lag:.0f} ms after the "
-            "drives: the motion shows only the difference of offset and lag, and "
-            "backlash moves both (state join.offset if you know it); its drift is "
-            f"{1e6 * self.drift:.0f} +- {1e6 * self.drift_std:.0f} ppm; estimated from "
-            f"the motion, of which the drives explain {100 * self.explained:.0f} %"
+            f"the first file, if the ends follow {1e3 * self.lag:.0f} ms later (motion "
+            "shows only the difference of offset and lag; state join.offset if you know "
+            f"it); its drift is {1e6 * self.drift:.0f} +- {1e6 * self.drift_std:.0f} "
+            f"ppm; the drives explain {100 * self.explained:.0f} % of the motion"
         )
 
 

@@ -475,12 +475,8 @@ class LogMap(MapTable):
         if len(set(modules)) < len(modules):
             raise ValueError(f"ends are of modules {modules}; each module has one end")
         columns = [column for end in self.ends for column in end.position]
-        twice = [each for each in columns if columns.count(each) > 1]
-        if twice:
-            raise ValueError(
-                f"positions of the ends name the column '{twice[0]}' more than once; "
-                "give each coordinate of each end its own column"
-            )
+        if len(set(columns)) < len(columns):
+            raise ValueError(f"name each column of the ends once, not {columns}")
         return self
 
     @model_validator(mode="after")

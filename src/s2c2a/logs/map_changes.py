@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from s2c2a.arm.geometry import directions_at
 from s2c2a.logs.cable_model import tilt_rotation
-from s2c2a.logs.cable_search import Assignment
+from s2c2a.logs.cable_search import Assignment, is_symmetric
 from s2c2a.logs.log_map import LogMap
 from s2c2a.logs.model_fit import CableFit
 from s2c2a.logs.priors import stated_angles, without_turn
@@ -19,6 +19,7 @@ from s2c2a.logs.take import unit_vector
 # above the error of identified angles (15 deg in tests); a third of a right angle, by
 # which frames and cables are confused
 TOLERANCE_DEG = 30.0
+LONGER = 1.2  # an error of the length that is to be noticed
 PLACE = ("module", "angle_deg")  # keys of a drive
 AXES = ("x", "y", "z", "-x", "-y", "-z")
 
@@ -269,31 +270,28 @@ def _sign_changes(found: Identified, log_map: LogMap) -> Iterator[str]:
         yield clause
 
 
-def angle_changes(log_map: LogMap) -> Iterator[list[tuple[str, LogMap]]]:
-    """Groups of clauses and maps with other angles; first the map itself."""
-    yield [("", log_map)]
-    drives = log_map.drives
-    degrees = [
-        _with(each, angle_deg=each.angle_deg and np.rad2deg(each.angle_deg))
-        for each in drives
-    ]
-    changed = _with(log_map, drives=tuple(degrees))
-    yield [("write angle_deg in degrees, not in radians", changed)]
-    yield [
-        exchange_drives(pair, PLACE, log_map)
-        for pair in combinations(range(len(drives)), 2)
-        if drives[pair[0]].module == drives[pair[1]].module
-    ]
+def angles_from_radians(log_map: LogMap) -> tuple[str, LogMap]:
+    """Clause, and the map whose numbers of `angle_deg` are radians."""
+    drives = tuple(
+        _with(drive, angle_deg=drive.angle_deg and np.rad2deg(drive.angle_deg))
+        for drive in log_map.drives
+    )
+    clause = "write angle_deg in degrees, not in radians"
+    return clause, _with(log_map, drives=drives)
 
 
 def reversed_drives(log_map: LogMap) -> tuple[str, LogMap]:
     """Clause, and the map in which every stated effect of a drive is the other one."""
     other = {"pulls": "releases", "releases": "pulls"}
-    drives = tuple(
-        _with(drive, positive=other.get(drive.positive, drive.positive))
-        for drive in log_map.drives
-    )
-    return "reverse `positive` of each drive", _with(log_map, drives=drives)
+    drives = []
+    for drive in log_map.drives:
+        # a pair that is reversed is one that is turned, and a pressure only pushes
+        is_free = drive.angle_deg is None and is_symmetric(drive)
+        if not drive.pushes and not is_free:
+            drive = _with(drive, positive=other.get(drive.positive, drive.positive))
+        drives.append(drive)
+    changed = _with(log_map, drives=tuple(drives))
+    return "reverse `positive` of each drive", changed
 
 
 def reversed_modules(log_map: LogMap) -> tuple[str, LogMap]:
@@ -314,6 +312,22 @@ def unstated_lengths(log_map: LogMap) -> tuple[str, LogMap]:
     """Clause, and the map that leaves the lengths of modules to the log."""
     arm = _with(log_map.arm, length=None, lengths=None)
     return "correct arm.length or arm.lengths, or leave it out", _with(log_map, arm=arm)
+
+
+def longer_arm(log_map: LogMap) -> tuple[str, LogMap]:
+    """Clause, and the map of an arm that is longer by a fifth, if its length is stated."""
+    arm = log_map.arm
+    length = arm.length and LONGER * arm.length
+    lengths = arm.lengths and tuple(LONGER * each for each in arm.lengths)
+    longer = _with(arm, length=length, lengths=lengths)
+    return f"state an arm {LONGER:g} times as long", _with(log_map, arm=longer)
+
+
+def other_commands(log_map: LogMap) -> tuple[str, LogMap]:
+    """Clause, and the map whose rows are on the other side of their command."""
+    commands = "sent" if log_map.rows.settled else "settled"
+    rows = _with(log_map.rows, commands=commands)
+    return f'write rows.commands = "{commands}"', _with(log_map, rows=rows)
 
 
 def other_directions(log_map: LogMap, z: np.ndarray) -> list[tuple[str, LogMap]]:

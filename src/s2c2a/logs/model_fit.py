@@ -73,14 +73,12 @@ class CableFit:
         wiring: motors and routes of the cables.
         cost: half the robust sum of squared residuals.
         std: standard deviations of the parameters.
-        total_std: standard deviation of the logarithm of the whole length.
     """
 
     parameters: CableParameters
     wiring: Wiring
     cost: float
     std: CableParameters | None = None
-    total_std: float = np.inf
 
 
 def fit_parameters(
@@ -100,7 +98,6 @@ def fit_parameters(
         with_std: whether to compute standard deviations.
     """
     std = None
-    total_std = np.inf
     by_total = "total" in observations.bounds
     with jax.enable_x64(True):
         first = flatten(start)
@@ -139,16 +136,13 @@ def fit_parameters(
         )
         parameters = _from_variables(result.x, start, by_total)
         if with_std:
-            covariance = _covariance(
+            vector = _standard_deviations(
                 residuals(result.x),
                 jacobian(result.x) @ _variables_jacobian(parameters, by_total),
                 *observations.columns.shape,
             )
-            std = unflatten(np.sqrt(np.diag(covariance)), start)
-            by_parameters = _variables_jacobian(parameters, by_total=True)
-            variances = np.diag(by_parameters @ covariance @ by_parameters.T)
-            total_std = float(np.sqrt(unflatten(variances, start).lengths[0]))
-    return CableFit(parameters, wiring, float(result.cost), std, total_std)
+            std = unflatten(vector, start)
+    return CableFit(parameters, wiring, float(result.cost), std)
 
 
 def flatten(parameters: CableParameters) -> np.ndarray:
@@ -304,10 +298,10 @@ def _states(parameters, wiring, columns, tension):
 _compiled_states = partial(jax.jit, static_argnames="tension")(_states)
 
 
-def _covariance(
+def _standard_deviations(
     residuals: np.ndarray, jacobian: np.ndarray, rows: int, drives: int
 ) -> np.ndarray:
-    """Covariance of the parameters, of gains from their mean.
+    """Standard deviations of the parameters, of gains from their mean.
 
     Residuals of nearby rows are correlated, so the scatter is that of blocks of rows.
     The model error is not noise: it repeats in every block, and one of its patterns may
@@ -331,4 +325,4 @@ def _covariance(
     gains = slice(drives + 1, 2 * drives + 1)
     centered[drives, gains] = 1 / drives
     centered[gains, gains] -= 1 / drives
-    return centered @ covariance @ centered.T
+    return np.sqrt(np.diag(centered @ covariance @ centered.T))

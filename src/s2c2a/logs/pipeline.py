@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -25,9 +25,13 @@ from s2c2a.logs.errors import LogError
 from s2c2a.logs.frame_motion import FrameMotion, find_frame_motions
 from s2c2a.logs.log_map import LogMap
 from s2c2a.logs.map_changes import (
+    LONGER,
     Identified,
+    angles_from_radians,
     contradicts_angles,
     describe_angles,
+    longer_arm,
+    other_commands,
     other_directions,
     reversed_drives,
     reversed_modules,
@@ -62,9 +66,8 @@ from s2c2a.logs.rotation_changes import (
     without_rotations,
 )
 from s2c2a.logs.stated_values import (
-    compare_lengths,
     describe_contradictions,
-    explain_angles,
+    keeps_angles,
     still_drives,
     undetermined_numbers,
     unusual_numbers,
@@ -79,6 +82,8 @@ MAX_REACH = 10.0
 READING = "reading the logs"
 COMPARING = "comparing the fit with the map"
 CONTRADICTION = "the map contradicts the log: "
+# in logs of nine arms, fits without gravity cost at most a sixth more
+NO_GRAVITY = "arm.gravity_direction: an upright arm is assumed; state it if it hangs"
 
 
 @dataclass(frozen=True)
@@ -177,6 +182,7 @@ def import_logs(
     progress(READING, 0, 1)
     tables = _read_tables(paths, log_map)
     read = _build_takes(tables, log_map)
+    _build_segments(read, log_map)  # without any, no fit says more
     progress(READING, 1, 1)
     try:
         fitted = _fit(read, log_map, progress)
@@ -307,58 +313,22 @@ def _observe(
     return segments, observations, first_guess(registration, log_map)
 
 
-def _diagnose_drives(
-    takes: list[LogTake],
-    rests: np.ndarray,
-    log_map: LogMap,
-    known: _Fitted | None = None,
-) -> str:
-    """Sentence that names the drives of which one is wrong in the map; may be empty.
-
-    Args:
-        takes: takes whose drives count from their rests.
-        rests: these rests.
-        log_map: the map.
-        known: fit with the map as given; None if it has failed.
-    """
-    try:
-        _, observations, _ = _observe(takes, log_map)
-    except S2C2AError:
-        return ""
-    if fault := excess_travel(observations, log_map):
-        return fault
-    explain = _Explanation(known)
-    clause, rescaled = foreign_units(observations, log_map)
-    for factors in rescaled:
-        scaled = [
-            replace(
-                take,
-                commanded=factors * take.commanded,
-                measured=factors * take.measured,
-            )
-            for take in takes
-        ]
-        if explain.tries(clause, log_map, scaled, factors * rests):
-            return f"{CONTRADICTION}{clause} (nothing was changed)"
-    if still_drives(observations.columns, log_map):
-        return ""
-    for clause, changed in likely_changes(observations, log_map):
-        explain.tries(clause, changed, takes, rests)
-    return explain.sentence()
-
-
 def _diagnose_failure(takes: list[LogTake], rests: np.ndarray, log_map: LogMap) -> str:
     """Sentence that names why a map has no fit; may be empty.
 
     The ends alone show another direction, and effects a single drive; that all signs
     or modules are wrong shows only if these are right.
     """
-    all_drives = [reversed_drives(log_map), reversed_modules(log_map)]
-    shown = _shown_directions(takes, log_map)
+    all_drives = [
+        reversed_drives(log_map),
+        reversed_modules(log_map),
+        angles_from_radians(log_map),
+    ]
+    explain = _Explanation(takes, rests)
     return (
-        _explain_whole(takes, rests, log_map, shown).sentence()
-        or _diagnose_drives(takes, rests, log_map)
-        or _explain_whole(takes, rests, log_map, all_drives).sentence()
+        explain.whole(log_map, _shown_directions(takes, log_map))
+        or explain.drives(log_map)
+        or explain.whole(log_map, all_drives)
     )
 
 
@@ -369,45 +339,74 @@ def _shown_directions(
     return other_directions(log_map, estimate_z(ends, log_map))
 
 
-def _explain_whole(
-    takes: list[LogTake],
-    rests: np.ndarray,
-    log_map: LogMap,
-    changes: Sequence[tuple[str, LogMap]],
-    known: _Fitted | None = None,
-) -> "_Explanation":
-    """Fits of maps that are changed in what concerns all drives or ends.
-
-    No search passes from one of the values to another, so that each is fitted from its
-    own start.
-    """
-    explain = _Explanation(known)
-    read = [from_rests(take, -rests) for take in takes]
-    for clause, changed in changes:
-        if changed == log_map:  # nothing of it is stated
-            continue
-        # the arm is straight in other rows if it points elsewhere
-        for others in possible_rests(read, changed):
-            rested = [from_rests(take, others) for take in read]
-            explain.tries(clause, changed, rested, others)
-    return explain
-
-
+@dataclass
 class _Explanation:
-    """Changed maps that explain a log clearly better; see `_diagnose_drives`.
+    """Changed maps that explain a log clearly better.
 
     Attributes:
+        takes: takes whose drives count from their rests.
+        rests: these rests.
+        known: fit with the map as given; None if it has failed.
+        clearly: largest cost of a change, relative to that of `known`.
         close: what maps miss that explain it about as well as stated, by clause.
+        found: cost, clause and missed share of each that explains it clearly better.
     """
 
-    def __init__(self, known: _Fitted | None):
-        self._known = known
+    takes: list[LogTake]
+    rests: np.ndarray
+    known: _Fitted | None = None
+    clearly: float = CLEARLY
+    close: dict[str, str] = field(default_factory=dict)
+    found: list[tuple[float, str, float]] = field(default_factory=list)
+
+    def __post_init__(self):
+        known = self.known
         self._cost = _cost(known) if known else np.inf
         self._missed = missed_share(known.fit, known.observations) if known else np.inf
-        self._found: list[tuple[float, str, float]] = []
-        self.close: dict[str, str] = {}
 
-    def tries(
+    def whole(self, log_map: LogMap, changes: Sequence[tuple[str, LogMap]]) -> str:
+        """Sentence on what concerns all drives or ends; empty if it is not at fault.
+
+        No search passes from one of the values to another, so that each is fitted from
+        its own start.
+        """
+        read = [from_rests(take, -self.rests) for take in self.takes]
+        for clause, changed in changes:
+            if changed == log_map:  # nothing of it is stated
+                continue
+            # the arm is straight in other rows if it points elsewhere
+            for others in possible_rests(read, changed):
+                rested = [from_rests(take, others) for take in read]
+                self._tries(clause, changed, rested, others)
+        return self._sentence()
+
+    def drives(self, log_map: LogMap) -> str:
+        """Sentence that names the drives of which one is wrong; may be empty."""
+        try:
+            _, observations, _ = _observe(self.takes, log_map)
+        except S2C2AError:
+            return ""
+        if fault := excess_travel(observations, log_map):
+            return fault
+        clause, rescaled = foreign_units(observations, log_map)
+        for factors in rescaled:
+            scaled = [
+                replace(
+                    take,
+                    commanded=factors * take.commanded,
+                    measured=factors * take.measured,
+                )
+                for take in self.takes
+            ]
+            if self._tries(clause, log_map, scaled, factors * self.rests):
+                return f"{CONTRADICTION}{clause} (nothing was changed)"
+        if still_drives(observations.columns, log_map):
+            return ""
+        for clause, changed in likely_changes(observations, log_map):
+            self._tries(clause, changed, self.takes, self.rests)
+        return self._sentence()
+
+    def _tries(
         self, clause: str, changed: LogMap, takes: list[LogTake], rests: np.ndarray
     ) -> bool:
         """Whether a map explains takes whose drives count from their rests."""
@@ -416,15 +415,18 @@ class _Explanation:
         except S2C2AError:
             return False
         fit, axes = fitted.fit, fitted.observations.axes
-        if contradicts_angles(Identified.of(fit, fitted.assignment, axes), changed):
+        identified = Identified.of(fit, fitted.assignment, axes)
+        if contradicts_angles(identified, changed) and not keeps_angles(
+            fit, fitted.observations, changed
+        ):
             return False
         share = missed_share(fit, fitted.observations)
         cost = _cost(fitted)
         # other cables can make up for one of another unit, at the cost of odd numbers
-        is_better = cost < CLEARLY * self._cost or share < CLEARLY * self._missed
+        is_better = cost < self.clearly * self._cost or share < CLEARLY * self._missed
         does = share < MOST and is_better
         if does:
-            self._found.append((cost, clause, share))
+            self.found.append((cost, clause, share))
         elif AMBIGUOUS_RATIO * cost < self._cost:
             self.close[clause] = (
                 f"misses {100 * share:.0f} % of the motion, and as stated "
@@ -432,17 +434,17 @@ class _Explanation:
             )
         return does
 
-    def sentence(self) -> str:
+    def _sentence(self) -> str:
         """The best of the changes, and those that are about as good; empty: none."""
-        if not self._found:
+        if not self.found:
             return ""
-        least, _, share = min(self._found)
+        least, _, share = min(self.found)
         # each once, whatever the number of its rests
         clauses = dict.fromkeys(
-            clause for cost, clause, _ in self._found if AMBIGUOUS_RATIO * cost <= least
+            clause for cost, clause, _ in self.found if AMBIGUOUS_RATIO * cost <= least
         )
         doubt = "; the log does not tell which" if len(clauses) > 1 else ""
-        before = f", not {100 * self._missed:.0f} %" if self._known else ""
+        before = f", not {100 * self._missed:.0f} %" if self.known else ""
         return (
             f"{CONTRADICTION}{', or '.join(clauses)}{doubt}; the model then misses "
             f"{100 * share:.0f} % of the motion{before} (nothing was changed)"
@@ -474,8 +476,11 @@ def _describe(fitted: _Fitted, log_map: LogMap, arm: ArmSpec | None) -> Imported
     text = format_arm(
         fit, assignment, layout, log_map, bends, commands, cables, residual
     )
+    ambiguities = list(fitted.ambiguities)
     if arm is None:
         arm = arm_from_toml(text, "the identified arm")
+        if "gravity_direction" not in log_map.arm.model_fields_set:
+            ambiguities.append(NO_GRAVITY)
     else:
         text = arm_to_toml(arm)
         layout = match_layout(layout, arm, may_turn=log_map.frame.x is None)
@@ -486,46 +491,46 @@ def _describe(fitted: _Fitted, log_map: LogMap, arm: ArmSpec | None) -> Imported
     unusual = unusual_numbers(fit, fitted.start, log_map)
     diagnosis = diagnose_map(fitted.takes, log_map, given)
     missed = missed_share(fit, observations)
-    identified = Identified.of(fit, assignment, observations.axes)
-    contradictions = [describe_contradictions(fit.parameters, observations)]
-    ambiguities = list(fitted.ambiguities)
-    if not diagnosis and missed < POOR:  # angles of a poor fit mean nothing
+    wrong = ""
+    # angles of a poor fit mean nothing
+    if not diagnosis and missed < POOR and not keeps_angles(fit, observations, log_map):
+        identified = Identified.of(fit, assignment, observations.axes)
         wrong = describe_angles(identified, log_map)
-        clauses = explain_angles(fit, observations, log_map) if wrong else [""]
-        if clauses != [""]:
-            contradictions.append(wrong)
-            fault = ", or ".join(clauses)
-            diagnosis = f"{CONTRADICTION}{fault} (nothing was changed)" if fault else ""
+    # a map whose angles the fit leaves is to be equaled only
+    most = 1 / AMBIGUOUS_RATIO if wrong else CLEARLY
+    explain = _Explanation(fitted.takes, fitted.rests, fitted, most)
     if not diagnosis:
         # modules and coupling hold for other signs, directions and lengths, too: a fit
         # takes a tenth of the time of the search that found them
         held = with_assignment(log_map, assignment)
-        order = reversed_modules(log_map)
+        length = "arm.length" if log_map.arm.length else "arm.lengths"
+        doubts = {
+            "signs of all drives: reversed": reversed_drives(held),
+            f"{length}: {LONGER:g} times as long": longer_arm(held),
+        }
+        if any(drive.module is not None for drive in log_map.drives):
+            doubts["order of modules: reversed"] = reversed_modules(log_map)
         changes = [
-            reversed_drives(held),
+            *doubts.values(),
             unstated_lengths(held),
             *_shown_directions(fitted.takes, held),
         ]
-        if any(drive.module is not None for drive in log_map.drives):
-            changes.append(order)
-        explain = _explain_whole(fitted.takes, fitted.rests, held, changes, fitted)
-        diagnosis = explain.sentence()
-        if order[0] in explain.close:
-            ambiguities.append(
-                f"order of modules: reversed, the model {explain.close[order[0]]}; check "
-                "on the arm at which module the cables of each drive end"
-            )
-        wrong, unseen = compare_lengths(fit, observations, log_map)
-        contradictions.append(wrong)
-        if unseen:
-            ambiguities.append(unseen)
+        if wrong:
+            changes.append(angles_from_radians(held))
+        diagnosis = explain.whole(held, changes)
+        ambiguities += [
+            f"{doubt}, the model {explain.close[clause]}; measure or check this on the arm"
+            for doubt, (clause, _) in doubts.items()
+            if clause in explain.close
+        ]
     # a drive of another unit hardly moves, or lets others seem to
     still = still_drives(observations.columns, log_map)
-    if not diagnosis and (missed > POOR or unusual or still):
-        diagnosis = _diagnose_drives(fitted.takes, fitted.rests, log_map, fitted)
-    poor_fit = ""
-    if not diagnosis:
-        poor_fit = describe_poor_fit(segments.takes, log_map, given, fitted.start)
+    if not diagnosis and (missed > POOR or unusual or still or wrong):
+        diagnosis = explain.drives(log_map)
+    contradictions = [describe_contradictions(fit.parameters, observations), wrong]
+    if not diagnosis and missed > POOR:
+        diagnosis = explain.whole(log_map, [other_commands(log_map)])
+    poor_fit = "" if diagnosis else describe_poor_fit(missed, log_map)
     return Imported(
         arm,
         text,
@@ -650,7 +655,7 @@ def _build_segments(read: list[LogTake], log_map: LogMap) -> Segments:
         raise LogError(
             f"no episode is left of {counted(sum(map(len, takes)), 'row')}: nowhere do "
             f"{counted(log_map.rows.shortest, 'step')} follow each other; give a "
-            "longer log, or check rows.longest_gap and rows.label"
+            "longer log, or check rows.unit, rows.longest_gap and rows.label"
         )
     rows = sum(len(take) for take in takes)
     broken_rows = sum(take.broken_rows for take in takes)

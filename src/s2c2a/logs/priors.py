@@ -13,7 +13,6 @@ BASE_BOUND = 0.002  # m, of each coordinate
 LENGTH_BOUND = 0.002  # of the logarithm
 TILT_BOUND = np.deg2rad(1.0)  # about each of x and y
 WRONG_ANGLE = 0.5  # rad; a larger error says nothing of the turn of the frame
-FREE_LENGTH = 0.2  # prior deviation of the logarithm of a length that is not stated
 STIFFNESS = 0.2  # first guess: stiffness of the arm over that of its cables
 
 
@@ -25,8 +24,8 @@ def prior_std(log_map: LogMap) -> dict[str, float]:
         "gain": 3.0,
         "gains": 0.3 if log_map.drives[0].unit == "free" else 0.1,
         "offsets": 0.1,
-        "lengths": FREE_LENGTH if arm.lengths is None else 0.002,
-        "total": FREE_LENGTH if arm.length is None else 0.002,
+        "lengths": 0.2 if arm.lengths is None else 0.002,
+        "total": 0.2 if arm.length is None else 0.002,
         "stiffness": 2.0,
         "gravity": 0.3 if any(arm.gravity_direction) else 1e-6,
         # errors of the model repeat, so data alone would tilt the frame by degrees

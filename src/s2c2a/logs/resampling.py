@@ -14,8 +14,10 @@ from s2c2a.logs.take import LogTake
 
 # default longest gap, in median row intervals or control periods
 DEFAULT_GAP = 4.0
-MOST_APART = 100.0
-"""Control periods between rows: with more, ten seconds at 10 Hz, the unit of time is another."""
+MOST_APART = 20.0
+"""Control periods between rows: with more, two seconds at 10 Hz, the unit of time is another."""
+LEAST_APART = 2e-4
+"""Seconds between rows: control rates end at 1 kHz, so with less the unit is another."""
 SIGNALS = ("commanded", "measured", "positions", "axes")
 
 
@@ -23,7 +25,7 @@ def longest_gap(take: LogTake, rows: Rows, period: float) -> float:
     """Longest interval within a segment [s]: as stated, or a few row intervals.
 
     Raises:
-        LogError: rows are too far apart to be interpolated.
+        LogError: rows are too far apart to be interpolated, or closer than in any log.
     """
     if rows.longest_gap is not None:
         return rows.longest_gap
@@ -32,10 +34,10 @@ def longest_gap(take: LogTake, rows: Rows, period: float) -> float:
     intervals = np.diff(take.time[np.isfinite(take.time)])
     intervals = intervals[intervals > 0]
     median = float(np.median(intervals)) if len(intervals) else period
-    if median > MOST_APART * period:
+    if not LEAST_APART < median < MOST_APART * period:
         raise LogError(
-            f"rows are {median:g} s apart, {median / period:.0f} control periods; state "
-            'rows.unit, such as "ms", or a smaller arm.control_rate'
+            f"rows are {median:.3g} s apart, {median / period:.4g} control periods; "
+            'correct rows.unit, such as "ms", or arm.control_rate'
         )
     return DEFAULT_GAP * max(median, period)
 

@@ -9,9 +9,9 @@ from jaxtyping import Float
 from s2c2a.logs.cable_model import CableParameters
 from s2c2a.logs.cable_search import AMBIGUOUS_RATIO
 from s2c2a.logs.log_map import ROTATING_UNITS, LogMap
-from s2c2a.logs.map_changes import AXES, angle_changes, angles_of
+from s2c2a.logs.map_changes import AXES, angles_of
 from s2c2a.logs.model_fit import CableFit, Observations, fit_parameters
-from s2c2a.logs.priors import FREE_LENGTH, prior_std, with_stated_angles
+from s2c2a.logs.priors import prior_std, with_stated_angles
 
 KEPT_ANGLE = 0.1  # rad; prior deviation of angles that are kept, half of TOLERANCE_DEG
 AT_BOUND = 0.95  # share of the largest deviation; a fit ends just inside
@@ -45,64 +45,16 @@ def describe_contradictions(
     )
 
 
-def compare_lengths(
-    fit: CableFit, observations: Observations, log_map: LogMap
-) -> tuple[str, str]:
-    """Compare the stated length with that of a fit that begins at it.
+def keeps_angles(fit: CableFit, observations: Observations, log_map: LogMap) -> bool:
+    """Whether stated angles explain a log as well as free ones.
 
-    Returns:
-        Sentence on a length that the log contradicts, and one on a length that it does
-        not determine; empty if there is none.
+    Stiffness makes up for the angles of opposed cables.
     """
-    stated = {"lengths", "total"} & set(observations.bounds)
-    if not stated:
-        return "", ""
-    bounds = dict(observations.bounds)
-    for key in stated:
-        del bounds[key]
-    priors = {**observations.prior_std, "lengths": FREE_LENGTH, "total": FREE_LENGTH}
-    rows = replace(observations.thinned(), bounds=bounds, prior_std=priors)
-    free = fit_parameters(rows, fit.parameters, fit.wiring, with_std=True)
-    longer = total_length(free.parameters) - total_length(fit.parameters)
-    key = "arm.length" if log_map.arm.lengths is None else "arm.lengths"
-    std = free.total_std
-    if std > UNSEEN * FREE_LENGTH:
-        return "", (
-            f"{key}: arms of other lengths move as in this log; the stated value is "
-            "kept: measure it on the arm, or record larger bends"
-        )
-    if abs(longer) < UNUSUAL * std:
-        return "", ""
-    return (
-        f"the log contradicts {key}: it shows an arm that is {np.exp(longer):.2f} times "
-        f"as long, by more than {UNUSUAL:.0f} deviations; measure it again"
-    ), ""
-
-
-def explain_angles(
-    fit: CableFit, observations: Observations, log_map: LogMap
-) -> list[str]:
-    """Clauses of changes with which stated angles explain a log as well as free ones.
-
-    The clause is empty if those of the map do: stiffness makes up for the angles of
-    opposed cables.
-    """
+    angles = with_stated_angles(fit.parameters.angles, angles_of(log_map), log_map)
     priors = {**observations.prior_std, "angles": KEPT_ANGLE}
     rows = replace(observations.thinned(), prior_std=priors)
-    parameters = fit.parameters
-
-    def explains(changed: LogMap) -> bool:
-        stated = angles_of(changed)
-        angles = with_stated_angles(parameters.angles, stated, changed)
-        start = parameters._replace(angles=angles)
-        kept = fit_parameters(rows, start, fit.wiring)
-        return AMBIGUOUS_RATIO * kept.cost < fit.cost
-
-    for changes in angle_changes(log_map):
-        clauses = [clause for clause, changed in changes if explains(changed)]
-        if clauses:
-            return clauses
-    return []
+    kept = fit_parameters(rows, fit.parameters._replace(angles=angles), fit.wiring)
+    return AMBIGUOUS_RATIO * kept.cost < fit.cost
 
 
 def still_drives(
@@ -190,17 +142,12 @@ def _scale_of(log_map: LogMap) -> str:
     return keys
 
 
-def total_length(parameters: CableParameters) -> float:
-    """Logarithm of the whole length, as `total` among the priors."""
-    return float(np.log(np.sum(np.exp(parameters.lengths))))
-
-
 def _share(
     name: str, parameters: CableParameters, stated: np.ndarray, deviation: float
 ) -> np.ndarray:
     """Deviations from stated values over the largest ones."""
     if name == "total":
-        value = total_length(parameters)
+        value = np.log(np.sum(np.exp(parameters.lengths)))
     else:
         value = getattr(parameters, name)
     return np.atleast_1d((value - stated) / deviation)

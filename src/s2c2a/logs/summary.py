@@ -62,7 +62,8 @@ def summary(imported: Imported) -> list[str]:
             "an arm.control_rate near the rate of the rows"
         )
     lines += [f"warning: {text}" for text in warnings if text]
-    return lines + [f"ambiguous: {text}" for text in imported.ambiguities]
+    doubts = () if imported.diagnosis else imported.ambiguities
+    return lines + [f"ambiguous: {text}" for text in doubts]
 
 
 def verdict(imported: Imported) -> str:
