@@ -11,7 +11,6 @@ import jax
 import numpy as np
 import pytest
 
-from compilations import compilations
 from s2c2a.arm import load_arm
 from s2c2a.estimation import Estimate, EstimationSettings
 from s2c2a.execution.compilation import forget_programs
