@@ -33,14 +33,21 @@ def networks() -> TrainedNetworks:
 def test_errors_are_in_percent_and_in_millimeters_on_held_out_samples(networks, capsys):
     report(networks, None)
     output = capsys.readouterr().out
-    table, lines = output.split("C2S at the tip: ")
+    table, lines = output.split("modal model: ")
     assert "1.50 ± 2.00 %" in table
     assert MODAL_MODEL not in table
     assert lines == (
-        "3.0 mm (mean) on held-out samples, which have gaps of time to those of the "
-        "training\n"
-        "modal model: it reduces the fast part of the C2S error by 40 %\n"
+        "it reduces the fast part of the C2S error by 40 %\n"
+        "C2S at the tip: 3.0 mm (mean) on held-out samples, which have gaps of time to "
+        "those of the training\n"
     )
+
+
+def test_a_warning_is_the_last_line(networks, capsys):
+    trained = {**networks.trained, "C2A": Trained(None, percent=(40.0, 1.0))}
+    report(replace(networks, trained=trained), None)
+    *_, last = capsys.readouterr().out.splitlines()
+    assert last.startswith("warning: C2A errs")
 
 
 def test_what_is_fitted_without_held_out_data_has_no_error(networks, capsys):

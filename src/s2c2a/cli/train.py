@@ -90,8 +90,8 @@ def train(
     strategies.save_networks(networks, out)
     curves = {name: result.curve for name, result in networks.trained.items()}
     picture = viz.learning_curves(curves, Path(f"{out}.png"))
-    report(networks, begun)
     print(f"weights: {out}; learning curves: {picture}")
+    report(networks, begun)
 
 
 def report(networks: "TrainedNetworks", start: "TrainedNetworks | None") -> None:
@@ -107,8 +107,9 @@ def report(networks: "TrainedNetworks", start: "TrainedNetworks | None") -> None
     if start is not None:
         title += "; networks that were not trained here are those of the prior"
     print_held_out_errors(title, networks)
-    for line in evaluation.describe_held_out_errors(networks):
-        print(line)
     # a training that starts from a prior keeps its modal model
     if start is None and (text := evaluation.describe_modal_model(networks)):
         print(text)
+    # a warning comes last
+    for line in evaluation.describe_held_out_errors(networks):
+        print(line)
