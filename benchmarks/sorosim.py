@@ -17,6 +17,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 from jaxtyping import Float
+from pydantic import BaseModel
 from scipy.optimize import least_squares
 
 from s2c2a.arm import ArmSpec, Module
@@ -108,8 +109,9 @@ def rod(
         bending_stiffness=bending,
         torsional_stiffness=bending / (1 + POISSON),  # GJ of a round rod
         tension_range=1,
-        # arm files begin at 5 ms, these rods are at 3 to 5
-    ).model_copy(update={"damping_time": damping_time})
+    )
+    # beside the limits of arm files, which begin at 5 ms; these rods are at 3 to 5
+    half = BaseModel.model_copy(half, update={"damping_time": damping_time})
     arm = ArmSpec(
         name="rod",
         actuation="tension",
