@@ -154,10 +154,9 @@ class CheckedDriver(_Checked):
 
     def plan(self, estimate: Any, goal: Goal) -> Any:
         """Return its plan; warn once of what it ignores of goals."""
-        if ignored := self._ignores & goal.parts:
-            text = (
-                f"{self.name} ignores what its goal has: {', '.join(sorted(ignored))}"
-            )
+        if self._ignores and (ignored := self._ignores & goal.parts):
+            parts = ", ".join(sorted(ignored))
+            text = f"{self.name} ignores what its goal has: {parts}"
             warnings.warn(text, stacklevel=1)
             self._ignores -= ignored
         return self._call("plan", estimate, goal.frozen())

@@ -153,7 +153,7 @@ class StrategyOptions(Options, ABC):
         run: RunOptions,
     ) -> Driver:
         """See `build`; what is built states what it ignores, for the control loop."""
-        driver = self.build(arm, recipe, trained, run)
-        if self.ignores:
-            object.__setattr__(driver, "ignores", self.ignores)
+        driver: Any = self.build(arm, recipe, trained, run)
+        if self.ignores != getattr(driver, "ignores", frozenset()):
+            driver.ignores = self.ignores
         return driver
