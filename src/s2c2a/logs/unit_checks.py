@@ -27,18 +27,11 @@ def end_unit_change(lengths: Float[np.ndarray, " modules"], log_map: LogMap) -> 
         stated = sum(arm.lengths)
     total = float(lengths.sum())
     low, high = np.array(LENGTHS) * arm.modules
-    if stated:
-        low = stated / SIZE_RATIO
-        high = stated * SIZE_RATIO
     unit = log_map.ends[0].unit
     size_in_unit = total / METERS[unit]
     sizes = {name: size_in_unit * METERS[name] for name in METERS}
-    target = stated or np.sqrt(low * high)
-    distances = {}
-    for name, size in sizes.items():
-        distances[name] = abs(np.log(size / target))
-    best = min(sizes, key=distances.__getitem__)
-    if low < total < high or not low < sizes[best] < high:
+    best = _better_unit(total, sizes, stated, low, high)
+    if not best:
         return ""
     reason = f"the stated {stated:.3g} m" if stated else f"{sizes[best]:.2g} m"
     return (
@@ -59,23 +52,34 @@ def drive_unit_change(gain: float, length: float, log_map: LogMap) -> str:
     if unit == "free" or log_map.by_force:
         return ""
     stated = log_map.arm.cable_radius
-    low = SMALLEST_RADIUS
-    high = length
-    if stated:
-        low = stated / SIZE_RATIO
-        high = stated * SIZE_RATIO
     radii = _radii(1 / gain, log_map)
-    target = stated or np.sqrt(low * high)
-    distances = {}
-    for name, radius in radii.items():
-        distances[name] = abs(np.log(radius / target))
-    best = min(radii, key=distances.__getitem__)
-    if low < 1 / gain < high or not low < radii[best] < high:
+    best = _better_unit(1 / gain, radii, stated, SMALLEST_RADIUS, length)
+    if not best:
         return ""
     return (
         f'write unit = "{best}" for the drives; in {unit}, the cables would be '
         f"{1e3 / gain:.3g} mm from the center line, not {1e3 * radii[best]:.3g} mm"
     )
+
+
+def _better_unit(
+    given: float, sizes: dict[str, float], stated: float | None, low: float, high: float
+) -> str:
+    """The likeliest unit; empty if the given size is possible, or none in this unit.
+
+    Args:
+        given: identified size in the unit of the map [m].
+        sizes: the same in every unit [m].
+        stated: what the map states of it [m].
+        low: smallest size [m], where nothing is stated.
+        high: largest size [m], likewise.
+    """
+    if stated:
+        low = stated / SIZE_RATIO
+        high = stated * SIZE_RATIO
+    target = np.sqrt(low * high)
+    best = min(sizes, key=lambda unit: abs(np.log(sizes[unit] / target)))
+    return "" if low < given < high or not low < sizes[best] < high else best
 
 
 def _radii(radius: float, log_map: LogMap) -> dict[str, float]:
