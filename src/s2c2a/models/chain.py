@@ -240,7 +240,12 @@ class ChainC2S(ForwardModel):
                 bends, zeros[..., 0], zeros[..., :1], zeros, zeros, pulls
             )
             return rest, self.body.lengths, self._network(mixed)
-        relaxation = self._relaxation(inputs)
+        # moments of the viscoelastic body, which remembers former bends [rad]
+        weights = self.equilibrium.relaxation.weights[..., 0]
+        former = inputs[..., inputs.shape[-2] - weights.shape[-1] :, :]
+        relaxation = jnp.einsum(
+            "mt,mkn,...mtn->...mk", weights, self.body.inverses, former
+        )
         softness = self.body.softness[:, None]
 
         def sweep(state: tuple[StaticState, Array], number: Array):
@@ -271,12 +276,6 @@ class ChainC2S(ForwardModel):
         (rest, corrections), _ = jax.lax.scan(sweep, start, jnp.arange(2 * SWEEPS))
         lengths = self.body.lengths - self.body.radii * rest.shortening
         return rest, lengths, corrections
-
-    def _relaxation(self, inputs: Inputs) -> Bends:
-        """Moments of the viscoelastic body, which remembers former bends [rad]."""
-        weights = self.equilibrium.relaxation.weights[..., 0]
-        filtered = inputs[..., inputs.shape[-2] - weights.shape[-1] :, :]
-        return jnp.einsum("mt,mkn,...mtn->...mk", weights, self.body.inverses, filtered)
 
     def _network(
         self, features: Float[Array, "*batch modules features"]

@@ -136,7 +136,10 @@ class SimulatedRobot(Robot):
         self.motors = self._command
         self._center_line: np.ndarray | None = None
         self._extra_sensors = ExtraSensors(arm, self._seed, self._open_count)
-        self.homing_errors = self._sample_homing_errors()
+        homing = random_stream(self._seed, Stream.HOMING, self._open_count)
+        self.homing_errors = self._present * homing.normal(
+            scale=arm.motor.homing_error, size=self.motors.shape
+        )
         self._schedule = EventSchedule(())
         self._sensors_lost = False
         self._sensor_faults = SensorFaults(self._seed)
@@ -382,13 +385,6 @@ class SimulatedRobot(Robot):
         """Sample the noise of the next measurement of the cables."""
         return self._random.normal(
             scale=measurement_noise(self.arm), size=self.motors.shape
-        )
-
-    def _sample_homing_errors(self) -> Actions:
-        """Sample the offsets of the motors' zeros [m], new at every opening."""
-        random = random_stream(self._seed, Stream.HOMING, self._open_count)
-        return self._present * random.normal(
-            scale=self._true_arm.motor.homing_error, size=self.motors.shape
         )
 
     def _motor_tensions(self) -> Actions:
