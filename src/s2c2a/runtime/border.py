@@ -75,14 +75,13 @@ def check_goal(goal: Goal, arm: ArmSpec) -> None:
         TargetError: it is no goal, has an array of another shape, as with another number
             of modules, or is not in meters.
     """
-    fields = zip(
-        Goal._fields, Goal.checked(goal), Goal.of(arm.module_count), strict=True
-    )
-    for name, value, empty in fields:
-        if np.shape(value) != empty.shape:
+    empty = Goal.of(arm.module_count)
+    for name, value in Goal.checked(goal)._asdict().items():
+        shape = getattr(empty, name).shape
+        if np.shape(value) != shape:
             raise TargetError(
                 f"the goal has {name} of shape {np.shape(value)}, and '{arm.name}' of "
-                f"{empty.shape}; begin with Goal.of({arm.module_count})"
+                f"{shape}; begin with Goal.of({arm.module_count})"
             )
     check_meters(goal.positions, arm, "the goal")
     check_meters(np.nan_to_num(goal.preview[..., :3]), arm, "the preview of the goal")

@@ -48,8 +48,7 @@ def remarks(task: Task, arm: ArmSpec, by_arcs: bool = True) -> Iterator[str]:
             f"the task takes {hours:.1f} hours; columns of times are in seconds, unless "
             "their name has another unit, such as `time [ms]`"
         )
-    if any(goal.thresholds.any() for goal in task.goals):
-        yield from _odd_obstacles(task, arm)
+    yield from _odd_obstacles(task, arm)
 
 
 def time_spans(is_wanted: Bool[np.ndarray, " steps"], arm: ArmSpec) -> str:
@@ -66,7 +65,7 @@ def _odd_obstacles(task: Task, arm: ArmSpec) -> Iterator[str]:
     rows = task.obstacles()
     names = np.array(task.obstacle_names())
     # walls and tables are described wherever they are
-    are_solids = np.array([not is_half_space(row) for row in rows[0]])
+    are_solids = np.array([not is_half_space(row) for row in rows[0]], bool)
     # of what is absent, no comparison is true
     thresholds = np.where(rows[..., THRESHOLD] > 0.0, rows[..., THRESHOLD], np.nan)
 

@@ -260,8 +260,7 @@ class Scene(_OfScene):
     def rows_at(self, times: Times) -> RowsOverTime:
         """Rows of all obstacles at times [s]."""
         solids = [solid.rows_at(times) for solid in self.obstacles]
-        rows = np.concatenate([np.zeros((len(times), 0, 12)), *solids], axis=1)
-        return rows
+        return np.concatenate([np.zeros((len(times), 0, 12)), *solids], axis=1)
 
     def remarks(self) -> Iterator[str]:
         """One sentence about each mesh."""
