@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
-from s2c2a.data import forward_samples
+from s2c2a.data.windows import EpisodeStates, forward_samples
 from s2c2a.errors import TrainingError
 from s2c2a.models.arrays import Configurations
 from s2c2a.models.disturbances import Disturbances
@@ -51,9 +51,7 @@ class ForwardOptions(Options, ABC):
         number of arrays and their shapes.
         """
 
-    def predictions(
-        self, model: ForwardModel, data: TrainingData
-    ) -> Float[np.ndarray, "episodes samples modules 6"]:
+    def predictions(self, model: ForwardModel, data: TrainingData) -> EpisodeStates:
         """Predict the states of whole episodes [m, 1], base frame."""
         return _along_episodes(model, data, "predict")
 

@@ -13,7 +13,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
 from s2c2a.data.nominal_plans import LENGTH_UNIT
-from s2c2a.data.windows import Samples, Split, forward_samples
+from s2c2a.data.windows import EpisodeStates, Samples, Split, forward_samples
 from s2c2a.kinematics import bends_from_states
 from s2c2a.kinematics.bends import Scalar
 from s2c2a.models.arrays import PerModule
@@ -205,9 +205,7 @@ class ChainOptions(ForwardOptions):
         result = evaluated(mean, joint.curve, predicted_targets, samples)
         return replace(result, spread=spread)
 
-    def predictions(
-        self, model: ForwardModel, data: TrainingData
-    ) -> Float[np.ndarray, "episodes samples modules 6"]:
+    def predictions(self, model: ForwardModel, data: TrainingData) -> EpisodeStates:
         """See `ForwardOptions`; uses cable displacements where they were recorded."""
         return along_inputs(model, data, "states")
 

@@ -18,7 +18,8 @@ from s2c2a.kinematics.bends import (
     sinc,
     squared_norm,
 )
-from s2c2a.models.arrays import Actions
+from s2c2a.kinematics.chain import Vectors
+from s2c2a.models.arrays import Actions, Configuration, ModuleBends, PerModule
 from s2c2a.models.disturbances import Disturbances
 from s2c2a.models.forward_model import (
     Configurations,
@@ -45,9 +46,9 @@ class DayChange(eqx.Module):
 
     translation: Float[Array, "3"]
     rotation: Float[Array, "3"]
-    offsets: Float[Array, "modules 2"]
-    slack: Float[Array, " modules"]
-    softness: Float[Array, " modules"]
+    offsets: ModuleBends
+    slack: PerModule
+    softness: PerModule
 
     @classmethod
     def none(cls, modules: int) -> "DayChange":
@@ -57,9 +58,7 @@ class DayChange(eqx.Module):
         return cls(jnp.zeros(3), jnp.zeros(3), offsets, nothing, nothing)
 
 
-def rotated(
-    vectors: Float[Array, "*batch 3"], rotation: Float[Array, "3"]
-) -> Float[Array, "*batch 3"]:
+def rotated(vectors: Vectors, rotation: Float[Array, "3"]) -> Vectors:
     """Vectors turned by a rotation vector [rad] (Rodrigues' formula)."""
     squared = squared_norm(rotation)
     around = jnp.broadcast_to(rotation, vectors.shape)
@@ -147,14 +146,12 @@ class SessionC2S(WrappedModel):
         change = replace(self.change, translation=still, rotation=still)
         return replace(self, change=change)
 
-    def to_base(self, seen: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3"]:
+    def to_base(self, seen: Vectors) -> Vectors:
         return rotated(seen - self.change.translation, -self.change.rotation)
 
     def for_planning(self) -> "SessionC2S":
         return replace(self, trained=self.trained.for_planning())
 
-    def near(
-        self, configurations: Float[Array, "modules 3"], memory: Memory
-    ) -> "SessionC2S":
+    def near(self, configurations: Configuration, memory: Memory) -> "SessionC2S":
         near = self.trained.near(self.moved(configurations), memory)
         return replace(self, trained=near)
