@@ -13,7 +13,7 @@ import numpy as np
 from s2c2a.logs.assignment import rank_assignments
 from s2c2a.logs.cable_search import regress_ends
 from s2c2a.logs.log_map import LogMap
-from s2c2a.logs.map_changes import PLACE, angles_of, exchange_drives, signs_of
+from s2c2a.logs.map_changes import PLACE, Change, angles_of, exchange_drives, signs_of
 from s2c2a.logs.model_fit import Observations
 from s2c2a.logs.priors import without_turn
 
@@ -23,8 +23,6 @@ MAX_CHANGES = 3  # that are fitted, of those that agree best with the effects
 FOREIGN = 8.0
 # share of the median drive's motion of the ends; noise of still drives moves them less
 MOVES_ENDS = 0.1
-
-Change = tuple[str, LogMap]
 
 
 def likely_changes(

@@ -17,7 +17,7 @@ from scipy.spatial import KDTree
 
 from s2c2a.logs.interpolation import evenly_spread
 from s2c2a.logs.log_map import LogMap
-from s2c2a.logs.take import Drives, LogTake, effective_drives
+from s2c2a.logs.take import Drives, Ends, LogTake, effective_drives
 
 RowNumbers = Int[np.ndarray, " rows"]
 Centers = Float[np.ndarray, "rows 3"]
@@ -81,7 +81,7 @@ def find_frame_motions(
 
 def find_frame_motion(
     drives: Drives,
-    positions: Float[np.ndarray, "rows ends 3"],
+    positions: Ends,
     time: Float[np.ndarray, " rows"],
 ) -> FrameMotion | None:
     """Find a jump or drift of the frame in one log, if there is one.

@@ -22,6 +22,7 @@ MAX_TEXT = 300
 HEADING = "{faults} in the map (drives, ends, and modules count from 0)"
 MAX_CABLES = 8 * MAX_MODULES
 Column = Annotated[str, Field(min_length=1, max_length=200)]
+Columns = tuple[Column, ...]
 Vector = tuple[Number, Number, Number]
 SIGNED_AXES = {f"{sign}{axis}" for sign in ("", "+", "-") for axis in "xyz"}
 
@@ -130,7 +131,7 @@ class Rows(MapTable):
     first_row: int = Field(default=0, ge=0)
     rows: int | None = Field(default=None, ge=1)
     skip_lines: SkippedLines | tuple[SkippedLines, ...] = 0
-    topic: Column | tuple[Column, ...] | None = None
+    topic: Column | Columns | None = None
     broken_rows: Literal["refuse", "gap"] = "refuse"
     outliers: Literal["exclude", "keep"] = "exclude"
 
@@ -168,7 +169,7 @@ class Join(MapTable):
     by: Literal["key", "row", "time"] = "key"
     key: Column | None = None
     files: int = Field(default=2, ge=2, le=16)
-    times: tuple[Column, ...] | None = None
+    times: Columns | None = None
     units: tuple[TimeUnit, ...] | None = None
     offset: tuple[Number, ...] | None = None
 
@@ -287,13 +288,13 @@ class Body(MapTable):
         euler_unit: unit of the Euler angles.
     """
 
-    position: tuple[Column, ...] = Field(min_length=2, max_length=3)
+    position: Columns = Field(min_length=2, max_length=3)
     unit: LengthUnit
     scale: Scale = 1.0
     quaternion: tuple[Column, Column, Column, Column] | None = None
     order: Literal["xyzw", "wxyz"] | None = None
-    matrix: tuple[Column, ...] | None = Field(None, min_length=9, max_length=9)
-    euler: tuple[Column, ...] | None = None
+    matrix: Columns | None = Field(None, min_length=9, max_length=9)
+    euler: Columns | None = None
     sequence: str | None = Field(default=None, pattern=r"^([xyz]{3}|[XYZ]{3}|z)$")
     euler_unit: Literal["deg", "rad"] = "deg"
 
@@ -353,7 +354,7 @@ class End(Body):
     """
 
     module: ModuleIndex | None = None
-    axis: tuple[Column, ...] | None = Field(None, min_length=2, max_length=3)
+    axis: Columns | None = Field(None, min_length=2, max_length=3)
     along: BodyDirection = "z"
 
     @model_validator(mode="after")

@@ -22,6 +22,8 @@ TOLERANCE_DEG = 30.0
 LONGER = 1.2  # an error of the length that is to be noticed
 PLACE = ("module", "angle_deg")  # keys of a drive
 AXES = ("x", "y", "z", "-x", "-y", "-z")
+Change = tuple[str, LogMap]
+"""Clause that says what changes, and the changed map."""
 
 
 @dataclass(frozen=True)
@@ -181,10 +183,7 @@ def _angle_errors(found: Identified, log_map: LogMap) -> np.ndarray | None:
     return np.nan_to_num(np.abs(errors))
 
 
-Change = tuple[str, np.ndarray, LogMap]
-
-
-def _frame_changes(log_map: LogMap) -> Iterator[Change]:
+def _frame_changes(log_map: LogMap) -> Iterator[tuple[str, np.ndarray, LogMap]]:
     """Other columns, or another direction of the frame."""
     names = log_map.ends[0].position
     for axis, name in enumerate(names):
@@ -224,7 +223,7 @@ def exchange_drives(
     pair: tuple[int, int],
     keys: Sequence[str],
     log_map: LogMap,
-) -> tuple[str, LogMap]:
+) -> Change:
     """Clause, and the map in which two drives have exchanged values of some keys."""
     drives = list(log_map.drives)
     for one, other in (pair, pair[::-1]):
@@ -270,7 +269,7 @@ def _sign_changes(found: Identified, log_map: LogMap) -> Iterator[str]:
         yield clause
 
 
-def angles_from_radians(log_map: LogMap) -> tuple[str, LogMap]:
+def angles_from_radians(log_map: LogMap) -> Change:
     """Clause, and the map whose numbers of `angle_deg` are radians."""
     drives = tuple(
         _with(drive, angle_deg=drive.angle_deg and np.rad2deg(drive.angle_deg))
@@ -280,7 +279,7 @@ def angles_from_radians(log_map: LogMap) -> tuple[str, LogMap]:
     return clause, _with(log_map, drives=drives)
 
 
-def reversed_drives(log_map: LogMap) -> tuple[str, LogMap]:
+def reversed_drives(log_map: LogMap) -> Change:
     """Clause, and the map in which every stated effect of a drive is the other one."""
     other = {"pulls": "releases", "releases": "pulls"}
     drives = []
@@ -294,7 +293,7 @@ def reversed_drives(log_map: LogMap) -> tuple[str, LogMap]:
     return "reverse `positive` of each drive", changed
 
 
-def reversed_modules(log_map: LogMap) -> tuple[str, LogMap]:
+def reversed_modules(log_map: LogMap) -> Change:
     """Clause, and the map in which stated modules of drives count from the other end."""
     modules = range(log_map.arm.modules)
     numbers = dict(zip(modules, reversed(modules), strict=True))
@@ -308,13 +307,13 @@ def _renumbered(log_map: LogMap, numbers: Mapping[Any, int]) -> LogMap:
     return _with(log_map, drives=tuple(drives))
 
 
-def unstated_lengths(log_map: LogMap) -> tuple[str, LogMap]:
+def unstated_lengths(log_map: LogMap) -> Change:
     """Clause, and the map that leaves the lengths of modules to the log."""
     arm = _with(log_map.arm, length=None, lengths=None)
     return "correct arm.length or arm.lengths, or leave it out", _with(log_map, arm=arm)
 
 
-def longer_arm(log_map: LogMap) -> tuple[str, LogMap]:
+def longer_arm(log_map: LogMap) -> Change:
     """Clause, and the map of an arm that is longer by a fifth, if its length is stated."""
     arm = log_map.arm
     length = arm.length and LONGER * arm.length
@@ -323,14 +322,14 @@ def longer_arm(log_map: LogMap) -> tuple[str, LogMap]:
     return f"state an arm {LONGER:g} times as long", _with(log_map, arm=longer)
 
 
-def other_commands(log_map: LogMap) -> tuple[str, LogMap]:
+def other_commands(log_map: LogMap) -> Change:
     """Clause, and the map whose rows are on the other side of their command."""
     commands = "sent" if log_map.rows.settled else "settled"
     rows = _with(log_map.rows, commands=commands)
     return f'write rows.commands = "{commands}"', _with(log_map, rows=rows)
 
 
-def other_directions(log_map: LogMap, z: np.ndarray) -> list[tuple[str, LogMap]]:
+def other_directions(log_map: LogMap, z: np.ndarray) -> list[Change]:
     """Clause and map with the `along` that the ends show, if another one is stated.
 
     Args:

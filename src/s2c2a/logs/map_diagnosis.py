@@ -27,7 +27,7 @@ from s2c2a.logs.map_changes import (
 from s2c2a.logs.model_fit import CableFit, Observations, predict_states
 from s2c2a.logs.priors import first_guess, prior_std, with_stated_angles
 from s2c2a.logs.registration import estimate_registration
-from s2c2a.logs.take import LogTake, effective_drives
+from s2c2a.logs.take import Drives, Ends, LogTake, effective_drives
 from s2c2a.logs.unit_checks import drive_unit_change, end_unit_change
 from s2c2a.spaces import POSITION
 
@@ -61,7 +61,7 @@ class Given(NamedTuple):
 class _KnownRows(NamedTuple):
     """Rows: drives, and ends in the frame and order of the map, by stretch."""
 
-    columns: Float[np.ndarray, "rows drives"]
+    columns: Drives
     ends: Float[np.ndarray, "rows ends 6"]
     stretches: np.ndarray
 
@@ -215,7 +215,7 @@ def _observe(
     )
 
 
-def rms_motion(positions: Float[np.ndarray, "rows ends 3"]) -> float:
+def rms_motion(positions: Ends) -> float:
     """Rms distance of the ends from their mean [m]."""
     centered = positions - np.nanmean(positions, axis=0)
     return float(np.sqrt(np.nanmean(np.sum(centered**2, axis=-1))))

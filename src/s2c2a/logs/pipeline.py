@@ -26,6 +26,7 @@ from s2c2a.logs.frame_motion import FrameMotion, find_frame_motions
 from s2c2a.logs.log_map import LogMap
 from s2c2a.logs.map_changes import (
     LONGER,
+    Change,
     Identified,
     angles_from_radians,
     contradicts_angles,
@@ -82,7 +83,7 @@ MAX_REACH = 10.0
 READING = "reading the logs"
 COMPARING = "comparing the fit with the map"
 CONTRADICTION = "the map contradicts the log: "
-# in logs of nine arms, fits without gravity cost at most a sixth more
+# in ten logs, fits without gravity cost at most a sixth more
 NO_GRAVITY = "arm.gravity_direction: an upright arm is assumed; state it if it hangs"
 
 
@@ -332,9 +333,7 @@ def _diagnose_failure(takes: list[LogTake], rests: np.ndarray, log_map: LogMap) 
     )
 
 
-def _shown_directions(
-    takes: list[LogTake], log_map: LogMap
-) -> list[tuple[str, LogMap]]:
+def _shown_directions(takes: list[LogTake], log_map: LogMap) -> list[Change]:
     ends = np.concatenate([take.positions for take in takes])
     return other_directions(log_map, estimate_z(ends, log_map))
 
@@ -364,7 +363,7 @@ class _Explanation:
         self._cost = _cost(known) if known else np.inf
         self._missed = missed_share(known.fit, known.observations) if known else np.inf
 
-    def whole(self, log_map: LogMap, changes: Sequence[tuple[str, LogMap]]) -> str:
+    def whole(self, log_map: LogMap, changes: Sequence[Change]) -> str:
         """Sentence on what concerns all drives or ends; empty if it is not at fault.
 
         No search passes from one of the values to another, so that each is fitted from

@@ -9,9 +9,8 @@ from jaxtyping import Bool, Float
 from s2c2a.errors import counted
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.log_map import LogMap
-from s2c2a.logs.take import unit_vector
+from s2c2a.logs.take import Ends, unit_vector
 
-Positions = Float[np.ndarray, "rows ends 3"]
 Vector = Float[np.ndarray, "3"]
 # share of the rows that show the arm straight: those with the tip furthest along it
 STRAIGHT_SHARE = 0.03
@@ -37,7 +36,7 @@ class Registration(NamedTuple):
     lengths: Float[np.ndarray, " modules"]
 
 
-def estimate_registration(positions: Positions, log_map: LogMap) -> Registration:
+def estimate_registration(positions: Ends, log_map: LogMap) -> Registration:
     """Base frame as the map states it, completed from rest and motion of the ends.
 
     Args:
@@ -79,7 +78,7 @@ def estimate_registration(positions: Positions, log_map: LogMap) -> Registration
     return Registration(rotation, base, lengths)
 
 
-def straight_rows(positions: Positions, log_map: LogMap) -> Bool[np.ndarray, " rows"]:
+def straight_rows(positions: Ends, log_map: LogMap) -> Bool[np.ndarray, " rows"]:
     """Rows in which the tip is furthest along the arm.
 
     Raises:
@@ -115,7 +114,7 @@ def _median(positions: Float[np.ndarray, "rows 3"]) -> Vector:
     return np.nanmedian(positions, axis=0)
 
 
-def estimate_z(positions: Positions, log_map: LogMap) -> Vector:
+def estimate_z(positions: Ends, log_map: LogMap) -> Vector:
     """Direction from the base, or the innermost end, to the tip, as the ends show it.
 
     A tip alone moves on a shell: z is normal to it and points away from its center.

@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from s2c2a.logs.log_map import LogMap
 from s2c2a.logs.registration import MIN_ROWS, straight_rows
-from s2c2a.logs.take import LogTake, effective_drives
+from s2c2a.logs.take import Drives, Ends, LogTake, effective_drives
 
 FAR = 0.5
 """Distance of zero from the values of a drive, over their range, from which zero is no
@@ -50,8 +50,8 @@ def possible_rests(
 
 
 def _values_where_straight(
-    values: Float[np.ndarray, "rows drives"],
-    positions: Float[np.ndarray, "rows ends 3"],
+    values: Drives,
+    positions: Ends,
     log_map: LogMap,
 ) -> Float[np.ndarray, " drives"]:
     """Regression of the drives on the ends, where these are if the arm is straight.

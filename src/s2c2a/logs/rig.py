@@ -15,7 +15,7 @@ from s2c2a.data import Recording
 from s2c2a.logs.errors import LogError
 from s2c2a.logs.log_map import MAX_CABLES, Column, LogMap, MapTable, Vector
 from s2c2a.logs.tables import list_names
-from s2c2a.logs.take import drive_scale
+from s2c2a.logs.take import Drives, drive_scale
 
 KEY = "rig"
 DriveIndex = Annotated[int, Field(ge=0, lt=MAX_CABLES)]
@@ -107,9 +107,7 @@ class Rig(MapTable):
             )
         return rig
 
-    def cables(
-        self, columns: Float[np.ndarray, "rows drives"]
-    ) -> Float[np.ndarray, "rows modules cables"]:
+    def cables(self, columns: Drives) -> Float[np.ndarray, "rows modules cables"]:
         """Displacements [m] or tensions [N] of the cables, from the drives' columns."""
         return columns[:, np.array(self.drive)] * np.array(self.factor)
 

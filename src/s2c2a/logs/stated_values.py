@@ -12,6 +12,7 @@ from s2c2a.logs.log_map import ROTATING_UNITS, LogMap
 from s2c2a.logs.map_changes import AXES, angles_of
 from s2c2a.logs.model_fit import CableFit, Observations, fit_parameters
 from s2c2a.logs.priors import prior_std, with_stated_angles
+from s2c2a.logs.take import Drives
 
 KEPT_ANGLE = 0.1  # rad; prior deviation of angles that are kept, half of TOLERANCE_DEG
 AT_BOUND = 0.95  # share of the largest deviation; a fit ends just inside
@@ -57,9 +58,7 @@ def keeps_angles(fit: CableFit, observations: Observations, log_map: LogMap) -> 
     return AMBIGUOUS_RATIO * kept.cost < fit.cost
 
 
-def still_drives(
-    columns: Float[np.ndarray, "rows drives"], log_map: LogMap
-) -> list[str]:
+def still_drives(columns: Drives, log_map: LogMap) -> list[str]:
     """Names of the drives that hardly move."""
     sizes = np.nanstd(columns, axis=0)
     return [
@@ -69,9 +68,7 @@ def still_drives(
     ]
 
 
-def undetermined_numbers(
-    fit: CableFit, columns: Float[np.ndarray, "rows drives"], log_map: LogMap
-) -> list[str]:
+def undetermined_numbers(fit: CableFit, columns: Drives, log_map: LogMap) -> list[str]:
     """What neither the log nor the map determines: angles of drives, lengths, frame."""
     priors = prior_std(log_map)
     assert fit.std is not None

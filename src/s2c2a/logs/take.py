@@ -27,6 +27,7 @@ from s2c2a.logs.time_join import join_by_time
 from s2c2a.measurements.frozen_ends import find_frozen
 
 Drives = Float[np.ndarray, "rows drives"]
+Ends = Float[np.ndarray, "rows ends 3"]
 ROW = ""  # key of row numbers, which no map can name
 
 
@@ -50,8 +51,8 @@ class LogTake:
     time: Float[np.ndarray, " rows"]
     commanded: Drives
     measured: Drives
-    positions: Float[np.ndarray, "rows ends 3"]
-    axes: Float[np.ndarray, "rows ends 3"]
+    positions: Ends
+    axes: Ends
     labels: np.ndarray
     broken_rows: int = 0
     clocks: tuple[LogClock, ...] = ()
