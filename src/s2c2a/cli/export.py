@@ -54,7 +54,8 @@ def export(file: GivenPath, out: OptionalPath = None, to: OptionalForm = None) -
 
 ExportForm = Callable[[Path, Path], str]
 """Writes what a file holds to a path; returns what it wrote, such as "3 episodes"."""
-TableWriter = Callable[[Columns, dict[str, str], dict[str, str], Path], None]
+Texts = dict[str, str]
+TableWriter = Callable[[Columns, Texts, Texts, Path], None]
 
 
 def _table_form(write: TableWriter) -> ExportForm:
@@ -71,13 +72,11 @@ def _table_form(write: TableWriter) -> ExportForm:
     return export_table
 
 
-def _texts(episodes: Sequence[Episode], options: dict[str, Any]) -> dict[str, str]:
+def _texts(episodes: Sequence[Episode], options: dict[str, Any]) -> Texts:
     return {"arm": arm_to_toml(episodes[0].arm), "options": json.dumps(options)}
 
 
-def _write_csv(
-    table: Columns, units: dict[str, str], texts: dict[str, str], out: Path
-) -> None:
+def _write_csv(table: Columns, units: Texts, texts: Texts, out: Path) -> None:
     """Write numbers in full precision, NaN as empty cells, and units in a comment."""
     with (
         atomic_write(out) as part,
@@ -91,9 +90,7 @@ def _write_csv(
             writer.writerow("" if value != value else repr(value) for value in row)
 
 
-def _write_parquet(
-    table: Columns, units: dict[str, str], texts: dict[str, str], out: Path
-) -> None:
+def _write_parquet(table: Columns, units: Texts, texts: Texts, out: Path) -> None:
     """Write a table with arm file, options and units as metadata.
 
     Raises:

@@ -21,7 +21,7 @@ from s2c2a.lab.emulation.fault_texts import (
     FaultShares,
 )
 from s2c2a.lab.emulation.plant import FramePose
-from s2c2a.lab.emulation.tracked_bodies import StreamedBody, TrackedBodies
+from s2c2a.lab.emulation.tracked_bodies import Bodies, TrackedBodies
 
 _LONGEST_GARBAGE = 300  # bytes
 _REORDERING = 1.5  # frames; later than the next frame, earlier than the one after it
@@ -194,9 +194,7 @@ class MocapServer(ABC, Generic[OptionsType]):
         """Answer what has arrived."""
 
     @abstractmethod
-    def _encode(
-        self, number: int, time: float, bodies: Mapping[str, StreamedBody]
-    ) -> bytes:
+    def _encode(self, number: int, time: float, bodies: Bodies) -> bytes:
         """Return a frame of data."""
 
     @abstractmethod

@@ -1,7 +1,7 @@
 """Emulated OptiTrack Motive: streams rigid bodies by NatNet, with faults."""
 
 import socket
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
@@ -13,7 +13,7 @@ from s2c2a.lab.emulation.mocap_server import (
     require,
 )
 from s2c2a.lab.emulation.natnet_protocol import VERSIONS
-from s2c2a.lab.emulation.tracked_bodies import StreamedBody
+from s2c2a.lab.emulation.tracked_bodies import Bodies
 
 _CLIENT_TIMEOUT = 10.0  # s; a client that does not keep itself alive is forgotten
 _MAX_CLIENTS = 16
@@ -120,9 +120,7 @@ class Motive(MocapServer[MotiveOptions]):
             return protocol.pack(protocol.UNRECOGNIZED, b"")
         return b""
 
-    def _encode(
-        self, number: int, time: float, bodies: Mapping[str, StreamedBody]
-    ) -> bytes:
+    def _encode(self, number: int, time: float, bodies: Bodies) -> bytes:
         options = self.options
         return protocol.encode_frame(
             options.version, number, time, bodies, options.latency

@@ -4,12 +4,12 @@ It shares no code with `s2c2a.lab.tracking.natnet`, so that one tests the other.
 """
 
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from s2c2a.lab.emulation.plant import FramePose
-from s2c2a.lab.emulation.tracked_bodies import StreamedBody
+from s2c2a.lab.emulation.tracked_bodies import Bodies, StreamedBody
 
 CONNECT = 0
 SERVER_INFO = 1
@@ -122,7 +122,7 @@ def encode_frame(
     version: str,
     number: int,
     time: float,
-    bodies: Mapping[str, StreamedBody],
+    bodies: Bodies,
     latency: float = 0.0,
 ) -> bytes:
     """Return a frame of data.

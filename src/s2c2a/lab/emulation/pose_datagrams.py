@@ -2,13 +2,12 @@
 
 import json
 import socket
-from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 
 from s2c2a.errors import S2C2AError
 from s2c2a.lab.emulation.mocap_server import MocapServer, StreamOptions, require
-from s2c2a.lab.emulation.tracked_bodies import StreamedBody
+from s2c2a.lab.emulation.tracked_bodies import Bodies, StreamedBody
 
 DEFAULT_PORT = 9763
 
@@ -29,7 +28,7 @@ class DatagramOptions(StreamOptions):
         require(0 < self.receiver[1] < 65_536, "port", self.receiver[1], "1 to 65535")
 
 
-def encode_poses(number: int, time: float, bodies: Mapping[str, StreamedBody]) -> bytes:
+def encode_poses(number: int, time: float, bodies: Bodies) -> bytes:
     """Return a datagram.
 
     Args:
@@ -71,9 +70,7 @@ class PoseDatagrams(MocapServer[DatagramOptions]):
         sender.setblocking(False)
         return [sender]
 
-    def _encode(
-        self, number: int, time: float, bodies: Mapping[str, StreamedBody]
-    ) -> bytes:
+    def _encode(self, number: int, time: float, bodies: Bodies) -> bytes:
         return encode_poses(number, time, bodies)
 
     def _without_part(self, content: bytes) -> bytes:

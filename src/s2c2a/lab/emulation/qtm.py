@@ -2,7 +2,7 @@
 
 import re
 import socket
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 
@@ -14,7 +14,7 @@ from s2c2a.lab.emulation.mocap_server import (
     require,
 )
 from s2c2a.lab.emulation.qualisys_protocol import COMMAND, ERROR, VERSIONS
-from s2c2a.lab.emulation.tracked_bodies import StreamedBody
+from s2c2a.lab.emulation.tracked_bodies import Bodies
 
 DEFAULT_PORT = 22_223
 _OLDEST = (1, 1)
@@ -165,9 +165,7 @@ class Qtm(MocapServer[QtmOptions]):
             return protocol.pack_text(ERROR, "Parameters not available")
         return protocol.encode_parameters(client.version, self._names, self.options.up)
 
-    def _encode(
-        self, number: int, time: float, bodies: Mapping[str, StreamedBody]
-    ) -> bytes:
+    def _encode(self, number: int, time: float, bodies: Bodies) -> bytes:
         return protocol.encode_frame(number, time, bodies.values())
 
     def _without_part(self, content: bytes) -> bytes:

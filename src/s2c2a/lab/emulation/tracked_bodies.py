@@ -27,6 +27,10 @@ class StreamedBody:
     is_tracked: bool = True
 
 
+Bodies = Mapping[str, StreamedBody]
+"""Rigid bodies of a frame by name."""
+
+
 def to_stream(pose: FramePose, up: str) -> FramePose:
     """Return a pose of a world with z up in the axes of the stream.
 
@@ -118,7 +122,7 @@ class TrackedBodies:
         self._seen[name] = to_stream(noisy, self._up)
         return StreamedBody(self._seen[name])
 
-    def corrupt(self, bodies: Mapping[str, StreamedBody]) -> dict[str, StreamedBody]:
+    def corrupt(self, bodies: Bodies) -> dict[str, StreamedBody]:
         """Return the bodies with impossible numbers in one of them."""
         name = self._names[self._random.integers(len(self._names))]
         pose = bodies[name].pose

@@ -13,7 +13,7 @@ import numpy as np
 
 from s2c2a.arm import ArmSpec, servos_of
 from s2c2a.errors import S2C2AError
-from s2c2a.lab.hardware.bus import BusError, ServoBus, ServoInfo, ServoState
+from s2c2a.lab.hardware.bus import BusError, ServoBus, ServoInfo, ServoStates
 from s2c2a.lab.hardware.calibration import CalibratedServo, Calibration
 from s2c2a.lab.hardware.monitor import describe_faults
 from s2c2a.lab.hardware.motion_watch import MotionWatch
@@ -383,7 +383,7 @@ class BringUp:
         ticks = {id: int(wanted[place]) for id, place in places.items()}
         self._bus.send_goals(ticks)
 
-    def _states(self, ids: list[int]) -> dict[int, ServoState]:
+    def _states(self, ids: list[int]) -> ServoStates:
         EMERGENCY_STOP.check()
         states = self._bus.read_patiently(ids, PATIENCE)
         if fault := describe_faults(states, self._servos, ids, self._bus.restarted):

@@ -108,6 +108,10 @@ class ServoState:
     watchdog_tripped: bool = False
 
 
+ServoStates = dict[int, ServoState]
+"""States of servos by their id."""
+
+
 class Hearing(Enum):
     """What a servo answers when it is asked alone."""
 
@@ -264,7 +268,7 @@ class ServoBus(ABC):
         """
 
     @abstractmethod
-    def read_states(self, ids: Iterable[int]) -> dict[int, ServoState]:
+    def read_states(self, ids: Iterable[int]) -> ServoStates:
         """Read the states of servos in one exchange.
 
         A servo that does not answer in time, whose answer is damaged, or that has
@@ -274,9 +278,7 @@ class ServoBus(ABC):
             PortLostError: the port is gone.
         """
 
-    def read_patiently(
-        self, ids: Sequence[int], seconds: float
-    ) -> dict[int, ServoState]:
+    def read_patiently(self, ids: Sequence[int], seconds: float) -> ServoStates:
         """Read states; ask servos that do not answer again, at least once.
 
         Args:

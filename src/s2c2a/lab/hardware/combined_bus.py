@@ -9,7 +9,7 @@ from s2c2a.lab.hardware.bus import (
     PortLostError,
     ServoBus,
     ServoInfo,
-    ServoState,
+    ServoStates,
 )
 
 Action = Callable[[ServoBus, list[int]], None]
@@ -118,13 +118,13 @@ class CombinedBus(ServoBus):
                 self.stop(list(self._owners), 0.0)
             raise
 
-    def read_states(self, ids: Iterable[int]) -> dict[int, ServoState]:
+    def read_states(self, ids: Iterable[int]) -> ServoStates:
         """Read the states, one bus after the other; see `ServoBus`.
 
         A bus without any of these servos hears a packet too if it has torque, so that
         its watchdog runs out only when the program fails.
         """
-        states: dict[int, ServoState] = {}
+        states: ServoStates = {}
         asked: list[ServoBus] = []
         for bus, own in self._split(ids):
             states |= bus.read_states(own)

@@ -1,11 +1,11 @@
 """Faults of servos and cables, in words."""
 
-from collections.abc import Container, Iterable, Mapping
+from collections.abc import Container, Iterable
 
 import numpy as np
 
 from s2c2a.arm import Servos
-from s2c2a.lab.hardware.bus import RESTARTED, ServoState
+from s2c2a.lab.hardware.bus import RESTARTED, ServoState, ServoStates
 from s2c2a.lab.hardware.presence import ALL_SILENT
 from s2c2a.spaces import Actions
 
@@ -19,7 +19,7 @@ STALL_TIME = 1.0  # s
 
 
 def describe_faults(
-    states: Mapping[int, ServoState],
+    states: ServoStates,
     servos: Servos,
     ids: Iterable[int],
     restarted: Container[int],

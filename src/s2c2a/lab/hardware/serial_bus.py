@@ -15,6 +15,7 @@ from s2c2a.lab.hardware.bus import (
     ServoBus,
     ServoInfo,
     ServoState,
+    ServoStates,
     StoredChange,
 )
 from s2c2a.lab.hardware.packets import Answer, AnswerReader, Register, ServoPackets
@@ -163,7 +164,7 @@ class SerialBus(ServoBus):
         for info in infos:
             self._prepare_one(info, accepted.get(info.id, ()), current, speed)
 
-    def read_states(self, ids: Iterable[int]) -> dict[int, ServoState]:
+    def read_states(self, ids: Iterable[int]) -> ServoStates:
         """Read the states of servos, and switch off those that restarted.
 
         See `ServoBus`.
@@ -182,7 +183,7 @@ class SerialBus(ServoBus):
             if state is not None and id not in lost
         }
 
-    def _checked_states(self, ids: Sequence[int]) -> dict[int, ServoState]:
+    def _checked_states(self, ids: Sequence[int]) -> ServoStates:
         """States of servos that are to be switched on.
 
         Raises:

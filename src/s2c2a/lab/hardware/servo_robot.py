@@ -18,7 +18,7 @@ from s2c2a.lab.hardware.bus import (
     BusError,
     PortLostError,
     ServoBus,
-    ServoState,
+    ServoStates,
 )
 from s2c2a.lab.hardware.buses import open_bus
 from s2c2a.lab.hardware.calibration import default_path, load_calibration
@@ -352,12 +352,12 @@ class ServoRobot(Robot):
                 raise RobotError(f"the arm stopped on its way to rest: {fault}")
             time.sleep(REST_PERIOD)
 
-    def _read_states(self) -> dict[int, ServoState]:
+    def _read_states(self) -> ServoStates:
         """Read all servos; those that do not answer are asked again at once."""
         patience = READ_SHARE * self.arm.control_period
         return self.bus.read_patiently(self._flat_ids, patience)
 
-    def _read_all(self) -> dict[int, ServoState]:
+    def _read_all(self) -> ServoStates:
         """Read all servos; those that stopped by their watchdog obey again.
 
         Raises:
@@ -371,12 +371,12 @@ class ServoRobot(Robot):
             raise BusError(self._describe_faults(states))
         return states
 
-    def _describe_faults(self, states: Mapping[int, ServoState]) -> str:
+    def _describe_faults(self, states: ServoStates) -> str:
         """Describe the first fault of the servos; empty if there is none."""
         restarted = self.bus.restarted
         return describe_faults(states, self._servos, self._flat_ids, restarted)
 
-    def _values(self, states: Mapping[int, ServoState], name: str) -> np.ndarray:
+    def _values(self, states: ServoStates, name: str) -> np.ndarray:
         """A measurement of all servos; NaN where one did not answer, zero without one."""
         values = [
             getattr(states[id], name) if id in states else np.nan
@@ -386,7 +386,7 @@ class ServoRobot(Robot):
         rows[self._present] = values
         return rows
 
-    def _positions(self, states: Mapping[int, ServoState]) -> np.ndarray:
+    def _positions(self, states: ServoStates) -> np.ndarray:
         return self._values(states, "position").astype(int)
 
     def _lost_reading(self, moment: float, fault: str) -> Reading:
@@ -412,7 +412,7 @@ class ServoRobot(Robot):
         reach = np.maximum(self._budget, 0.0)
         return self._goal + np.clip(wanted - self._goal, -reach, reach)
 
-    def _restart_after_watchdog(self, states: Mapping[int, ServoState]) -> None:
+    def _restart_after_watchdog(self, states: ServoStates) -> None:
         """Let servos that stopped by their watchdog go to the last goal and obey."""
         stopped = [id for id, state in states.items() if state.watchdog_tripped]
         if not stopped:
