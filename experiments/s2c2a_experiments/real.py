@@ -29,7 +29,7 @@ from s2c2a.strategies import recipe_named, training_data
 from s2c2a.training import FitOptions, TrainingData
 from s2c2a_experiments.real_models import FittedArcs, KernelRegression
 from s2c2a_experiments.real_process import Process
-from s2c2a_experiments.real_scores import TipScores, tip_scores
+from s2c2a_experiments.real_scores import Mask, TipScores, tip_scores
 
 EXPERIMENT = "real"
 HELD_OUT_BLOCKS = (6, 13, 19)  # of every twenty
@@ -61,9 +61,9 @@ class HeldOutSplit:
     """
 
     name: str
-    held_out: Bool[np.ndarray, "episodes samples"]
+    held_out: Mask
 
-    def hidden(self, gap: int) -> Bool[np.ndarray, "episodes samples"]:
+    def hidden(self, gap: int) -> Mask:
         """Held-out samples and so many on either side of them, within an episode."""
         neighbors = np.ones((1, 2 * gap + 1), bool)
         return binary_dilation(self.held_out, neighbors)
@@ -302,8 +302,8 @@ class _Test(NamedTuple):
 
     name: str
     data: TrainingData
-    judged: Bool[np.ndarray, "episodes samples"]
-    hidden: Bool[np.ndarray, "episodes samples"]
+    judged: Mask
+    hidden: Mask
 
 
 def _score_rows(

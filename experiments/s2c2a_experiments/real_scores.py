@@ -21,6 +21,7 @@ COVERED = 2.0  # deviations; a normal distribution holds 99.3 % of distances in 
 CORRELATED = np.exp(
     -1.0
 )  # least correlation within the correlation time, by definition
+Mask = Bool[np.ndarray, "episodes samples"]
 
 
 class TipScores(NamedTuple):
@@ -70,8 +71,8 @@ def tip_scores(
     model: ForwardModel,
     training: TrainingData,
     data: TrainingData,
-    judged: Bool[np.ndarray, "episodes samples"],
-    hidden: Bool[np.ndarray, "episodes samples"],
+    judged: Mask,
+    hidden: Mask,
 ) -> TipScores:
     """Scores of a trained model.
 

@@ -28,6 +28,8 @@ HOLD_TIME = 5.0  # s for each target
 OUTWARD_SHIFT = 0.3  # of the arm's length; from a reachable point to one out of reach
 CENTER_HEIGHT = 1 / 3  # of the arm's length; the shift points away from this point
 
+Arrays = dict[str, np.ndarray]
+
 
 class TargetSequence(NamedTuple):
     """Targets that are held one after the other.
@@ -53,11 +55,11 @@ class _TargetSearch(Artifact[Made]):
     arm: ArmSpec
 
     @abstractmethod
-    def search(self, reach: TrueReach, progress: Progress) -> dict[str, np.ndarray]:
+    def search(self, reach: TrueReach, progress: Progress) -> Arrays:
         """Arrays to keep, by name."""
 
     @abstractmethod
-    def read(self, arrays: dict[str, np.ndarray]) -> Made:
+    def read(self, arrays: Arrays) -> Made:
         """The task or targets that these arrays describe."""
 
     @property
@@ -107,7 +109,7 @@ class ReachableTask(_TargetSearch[Task]):
                 digest.update(np.ascontiguousarray(values).tobytes())
         return self.name, digest.hexdigest()
 
-    def search(self, reach: TrueReach, progress: Progress) -> dict[str, np.ndarray]:
+    def search(self, reach: TrueReach, progress: Progress) -> Arrays:
         """See `_TargetSearch`; displacements of the goals."""
         goals = load_task(self.name, self.arm).goals
         steps = sorted({*range(0, len(goals), SEARCH_INTERVAL), len(goals) - 1})
@@ -124,7 +126,7 @@ class ReachableTask(_TargetSearch[Task]):
         rows = interpolated(np.arange(len(goals)), np.array(steps), columns)
         return {"moves": rows.reshape(len(goals), *moves[0].shape)}
 
-    def read(self, arrays: dict[str, np.ndarray]) -> Task:
+    def read(self, arrays: Arrays) -> Task:
         task = load_task(self.name, self.arm)
         pairs = zip(task.goals, arrays["moves"], strict=True)
         return replace(task, goals=tuple(_moved(goal, move) for goal, move in pairs))
@@ -149,7 +151,7 @@ class RandomTargets(_TargetSearch[TargetSequence]):
     def key(self) -> tuple:
         return self.count, self.unreachable_waypoints
 
-    def search(self, reach: TrueReach, progress: Progress) -> dict[str, np.ndarray]:
+    def search(self, reach: TrueReach, progress: Progress) -> Arrays:
         """See `_TargetSearch`; positions and smallest distances [m]."""
         random = np.random.default_rng([self.count, int(self.unreachable_waypoints)])
         actions = reach.random_actions(self.count, random)
@@ -166,7 +168,7 @@ class RandomTargets(_TargetSearch[TargetSequence]):
             progress(str(self), done, self.count)
         return {"positions": tips, "distances": np.array(distances)}
 
-    def read(self, arrays: dict[str, np.ndarray]) -> TargetSequence:
+    def read(self, arrays: Arrays) -> TargetSequence:
         steps = round(HOLD_TIME * self.arm.control_rate)
         goals: list[Goal] = []
         for tip in arrays["positions"]:

@@ -5,7 +5,7 @@ Every strategy can take part, also one in a file of its own: `--entry my.py:Mine
 
 import inspect
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import resources
@@ -32,7 +32,7 @@ from s2c2a.strategies import (
 )
 from s2c2a_experiments.benchmark.search_space import (
     STRATEGY,
-    Value,
+    Values,
     with_options,
     with_values,
 )
@@ -146,7 +146,7 @@ class Entrant:
         sensors = arm.sensors.model_copy(update={"camera": camera})
         return arm.model_copy(update={"sensors": sensors})
 
-    def with_values(self, values: Mapping[str, Value]) -> "Entrant":
+    def with_values(self, values: Values) -> "Entrant":
         """The entrant with tuned values."""
         return replace(
             self,
@@ -213,12 +213,12 @@ def with_weights(entries: Sequence[Entrant], files: Sequence[Path]) -> list[Entr
     return entries
 
 
-def tuned_values() -> dict[str, dict[str, Value]]:
+def tuned_values() -> dict[str, Values]:
     """Tuned values by entrant and place."""
     if not TUNED.is_file():
         return {}
     tables = parse_toml(TUNED.read_text(encoding="utf-8"))
-    return TypeAdapter(dict[str, dict[str, Value]]).validate_python(tables["values"])
+    return TypeAdapter(dict[str, Values]).validate_python(tables["values"])
 
 
 def entrants() -> list[Entrant]:

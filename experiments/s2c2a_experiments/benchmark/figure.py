@@ -21,6 +21,8 @@ from s2c2a.viz.charts import (
 )
 from s2c2a.viz.colors import DESIRED, INK, MUTED
 
+Points = Mapping[str, tuple[float, float]]
+
 LABELED = 6  # entrants whose profiles have colors: the user's, and the best
 LABEL_DISTANCES = (8.0, 14.0, 21.0, 30.0, 42.0)  # points, the nearest that is free
 LABEL_DIRECTIONS = (-45, 45, 135, -135, 0, 180, 90, -90)  # deg, in order of preference
@@ -33,7 +35,7 @@ COLORS = ("#1f5fc4", "#2b9a4b", "#c77d0a", "#0d8fa0", "#b8327f", "#7a5230")
 def planners_figure(
     errors: Mapping[str, Float[np.ndarray, " runs"]],
     runs: int,
-    points: Mapping[str, tuple[float, float]],
+    points: Points,
     path: str | Path,
     own: Sequence[str] = (),
     partial: Collection[str] = (),
@@ -89,7 +91,7 @@ def _draw_profiles(
 
 def _draw_pareto(
     axes: Axes,
-    points: Mapping[str, tuple[float, float]],
+    points: Points,
     front: Collection[str],
     partial: Collection[str],
 ) -> None:
@@ -124,7 +126,7 @@ def _color(name: str, front: Collection[str]) -> str:
 def _label(
     figure: Figure,
     axes: Axes,
-    points: Mapping[str, tuple[float, float]],
+    points: Points,
     front: Collection[str],
 ) -> None:
     """Write the names beside the points, if possible where no point or name is."""
@@ -163,7 +165,7 @@ def _label(
             ).set_in_layout(False)
 
 
-def pareto(points: Mapping[str, tuple[float, float]]) -> list[str]:
+def pareto(points: Points) -> list[str]:
     """Names of those that no other one beats: less time and more success."""
     names = []
     for name, (time, share) in points.items():

@@ -10,6 +10,7 @@ from s2c2a.strategies import Recipe, strategy_named
 from s2c2a.strategies.registry import OPTION
 
 Value = int | float
+Values = dict[str, Value]
 STRATEGY = "strategy."
 """Begins places among the options of the strategy; others are in the recipe."""
 
@@ -58,7 +59,7 @@ def value_at(recipe: Recipe, place: str, strategy: str) -> Value:
     return value
 
 
-def with_values(recipe: Recipe, values: dict[str, Value]) -> Recipe:
+def with_values(recipe: Recipe, values: Values) -> Recipe:
     """The recipe with other values at some places."""
     for place, value in values.items():
         if not place.startswith(STRATEGY):
@@ -66,7 +67,7 @@ def with_values(recipe: Recipe, values: dict[str, Value]) -> Recipe:
     return recipe
 
 
-def with_options(strategy: str, values: dict[str, Value]) -> str:
+def with_options(strategy: str, values: Values) -> str:
     """The strategy with other values of some options, as `strategy_named` reads it."""
     name, *given = OPTION.split(strategy)
     options: dict[str, Value | str] = dict(options_from(given))

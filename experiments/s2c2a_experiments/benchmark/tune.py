@@ -15,7 +15,7 @@ from s2c2a.jobs.execution import in_groups, try_all
 from s2c2a.tasks import Task
 from s2c2a_experiments.benchmark.entrants import Entrant
 from s2c2a_experiments.benchmark.protocol import TASKS, VERSION, tuning_arm
-from s2c2a_experiments.benchmark.search_space import Value, range_from, value_at
+from s2c2a_experiments.benchmark.search_space import Values, range_from, value_at
 
 TRIALS = 10  # of every entrant; the first one is the entrant as it is
 TUNED_BY = ("path", "moving target")
@@ -28,7 +28,7 @@ def tune(
     executor: Executor | None,
     progress: Progress,
     keep: Callable[[dict], object] = lambda values: None,
-) -> dict[str, dict[str, Value]]:
+) -> dict[str, Values]:
     """Tuned values by entrant and place; an interrupted tuning continues.
 
     Args:
@@ -45,7 +45,7 @@ def tune(
     def make(artifacts):
         return try_all(artifacts, cache, executor, progress)
 
-    found: dict[str, dict[str, Value]] = {}
+    found: dict[str, Values] = {}
     for entrant in entrants:
         trials = drawn_trials(entrant)
         groups = [_jobs(entrant.with_values(values)) for values in trials]
@@ -72,7 +72,7 @@ def tune(
     return found
 
 
-def drawn_trials(entrant: Entrant) -> list[dict[str, Value]]:
+def drawn_trials(entrant: Entrant) -> list[Values]:
     """Values by place: those of the entrant, then random ones, the same in every call."""
     ranges = [range_from(text) for text in entrant.tuned]
     start = {
@@ -108,7 +108,7 @@ def _jobs(entrant: Entrant) -> list[jobs.Job]:
     )
 
 
-def write_values(values: dict[str, dict[str, Value]], path: Path) -> Path:
+def write_values(values: dict[str, Values], path: Path) -> Path:
     """Write tuned values as `entrants.TUNED` holds them."""
     lines = [
         f"# Of {TRIALS} trials each on {tuning_arm().arm.name}, protocol version {VERSION}.",

@@ -22,6 +22,7 @@ from s2c2a.kinematics import (
     limit_lengths,
 )
 from s2c2a.kinematics.chain import States, rotations_to
+from s2c2a.models.arrays import PerModule
 from s2c2a.models.disturbances import Disturbances
 from s2c2a.models.forward_model import Memory, MemorylessModel
 from s2c2a.models.trunk import Trunk
@@ -49,11 +50,11 @@ class LinkModel(MemorylessModel):
         links: universal joints of a module.
     """
 
-    lengths: Float[Array, " modules"]
-    masses: Float[Array, " modules"]
-    compliances: Float[Array, " modules"]
-    held: Float[Array, " modules"]
-    passed: Float[Array, " modules"]
+    lengths: PerModule
+    masses: PerModule
+    compliances: PerModule
+    held: PerModule
+    passed: PerModule
     gravity: Float[Array, "3"]
     links: int = eqx.field(static=True)
 
@@ -124,7 +125,7 @@ class LinkModel(MemorylessModel):
         about_y = local[..., 1]
         return jnp.stack([about_y, -about_x], axis=-1)
 
-    def _of_links(self, values: Float[Array, " modules"]) -> Float[Array, " joints"]:
+    def _of_links(self, values: PerModule) -> Float[Array, " joints"]:
         """Equal shares of the links in values of their modules."""
         shares = values / self.links
         return jnp.repeat(shares, self.links)
