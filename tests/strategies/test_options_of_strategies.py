@@ -1,7 +1,7 @@
 """Options that a strategy accepts change what it builds; others are refused."""
 
 import warnings
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from types import SimpleNamespace
 
 import jax
@@ -11,6 +11,7 @@ import s2c2a as s2c2a_package
 from s2c2a.arm import load_arm
 from s2c2a.errors import S2C2AError, StrategyError
 from s2c2a.estimation import EncoderOnly, EstimationSettings, KalmanFilter
+from s2c2a.goals import Goal
 from s2c2a.jobs import Conditions, jobs_for
 from s2c2a.jobs.artifacts import Cache
 from s2c2a.live.control import ArmControl, strategies_of
@@ -246,6 +247,26 @@ def test_what_a_controller_says_it_ignores_is_checked_by_the_loop():
     driver.ignores = frozenset({"obstacel"})
     with pytest.raises(StrategyError, match=r"in Strategy \(did you mean obstacles"):
         Loop(SimulatedRobot(TWIN), driver)
+
+
+def test_a_controller_that_states_the_same_itself_stays_as_it_is():
+    @dataclass(frozen=True)
+    class Own(StrategyOptions):
+        ignores = frozenset({"obstacles"})
+
+        def build(self, arm, recipe, trained, run):
+            return self
+
+    own = Own()
+    assert own.driver(TWIN, BEST, None, RunOptions()) is own
+
+
+def test_a_step_asks_for_parts_of_a_goal_only_where_some_are_ignored(monkeypatch):
+    asked = []
+    parts = property(lambda goal: asked.append(goal) or frozenset())
+    monkeypatch.setattr(Goal, "parts", parts)
+    s2c2a_package.run(SimulatedRobot(TWIN), pcc.pcc_strategy(TWIN), short("circle"))
+    assert not asked
 
 
 def test_options_follow_the_name_of_a_strategy_behind_commas(tmp_path):
