@@ -8,6 +8,7 @@ of an arm may change it.
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import equinox as eqx
@@ -73,19 +74,17 @@ def mean_and_spread(models: Sequence[Network]) -> tuple[Network, Network]:
         A model of the means, and a model of the standard deviations, each at least
         `MIN_SPREAD`.
     """
-    mean = jax.tree.map(_mean, *models, is_leaf=is_fixed)
-    spread = jax.tree.map(_standard_deviation, *models, is_leaf=is_fixed)
+    mean = jax.tree.map(partial(_over, jnp.mean), *models, is_leaf=is_fixed)
+    spread = jax.tree.map(partial(_over, _spread), *models, is_leaf=is_fixed)
     return mean, spread
 
 
-def _mean(first: Any, *others: Any) -> Any:
+def _over(statistic: Any, first: Any, *others: Any) -> Any:
+    """A statistic of a parameter over models; a fixed part is that of the first."""
     if not eqx.is_inexact_array(first):
         return first
-    return jnp.mean(jnp.stack([first, *others]), axis=0)
+    return statistic(jnp.stack([first, *others]), axis=0)
 
 
-def _standard_deviation(first: Any, *others: Any) -> Any:
-    if not eqx.is_inexact_array(first):
-        return first
-    deviation = jnp.std(jnp.stack([first, *others]), axis=0)
-    return jnp.maximum(deviation, MIN_SPREAD)
+def _spread(values: Any, axis: int) -> Any:
+    return jnp.maximum(jnp.std(values, axis=axis), MIN_SPREAD)
