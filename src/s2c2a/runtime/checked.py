@@ -229,10 +229,6 @@ class CheckedRobot(_Checked):
         self.own_time = attribute(robot, "own_time", RobotError)
         self._clock = clock
         self._longest = BLOCKED_PERIODS * period
-        self.reset()
-
-    def reset(self) -> None:
-        """Forget calls that blocked."""
         self._fault = ""
 
     def take_fault(self) -> str:

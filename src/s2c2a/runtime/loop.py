@@ -314,7 +314,7 @@ class Loop:
         self._check.reset()
         self._following.reset()
         self._limiter = CommandLimiter(self._limits)
-        self._robot.reset()
+        self._robot.take_fault()  # that of a call before belongs to no step
         self.phase = Phase()
         self.fault = ""
         self.standstill = ""
