@@ -53,7 +53,7 @@ from s2c2a.logs.poor_fits import describe_poor_fit
 from s2c2a.logs.priors import first_guess, prior_std, stated_bounds
 from s2c2a.logs.reading import read_table
 from s2c2a.logs.registration import estimate_registration, estimate_z
-from s2c2a.logs.resampling import split_segments
+from s2c2a.logs.resampling import longest_gap, split_segments
 from s2c2a.logs.rests import from_rests, possible_rests
 from s2c2a.logs.rig import (
     KEY,
@@ -183,7 +183,8 @@ def import_logs(
     progress(READING, 0, 1)
     tables = _read_tables(paths, log_map)
     read = _build_takes(tables, log_map)
-    _build_segments(read, log_map)  # without any, no fit says more
+    for take in read:  # of rows in another unit of time, no fit says more
+        longest_gap(take, log_map.rows, 1 / log_map.arm.control_rate)
     progress(READING, 1, 1)
     try:
         fitted = _fit(read, log_map, progress)
