@@ -4,6 +4,7 @@ import sysconfig
 import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -75,9 +76,8 @@ def check_goal(goal: Goal, arm: ArmSpec) -> None:
         TargetError: it is no goal, has an array of another shape, as with another number
             of modules, or is not in meters.
     """
-    empty = Goal.of(arm.module_count)
-    for name, value in Goal.checked(goal)._asdict().items():
-        shape = getattr(empty, name).shape
+    shapes = _shapes(arm.module_count)
+    for (name, shape), value in zip(shapes.items(), Goal.checked(goal), strict=True):
         if np.shape(value) != shape:
             raise TargetError(
                 f"the goal has {name} of shape {np.shape(value)}, and '{arm.name}' of "
@@ -86,9 +86,18 @@ def check_goal(goal: Goal, arm: ArmSpec) -> None:
     check_meters(goal.positions, arm, "the goal")
     check_meters(np.nan_to_num(goal.preview[..., :3]), arm, "the preview of the goal")
     radii = goal.thresholds
-    gaps = distances(np.zeros(3), goal.obstacles, goal.cores) - radii
-    # obstacles may be far away, and large ones walls of what is near
-    check_meters(np.minimum(radii, np.abs(gaps)), arm, "an obstacle, by its radius,")
+    if radii.any():
+        gaps = distances(np.zeros(3), goal.obstacles, goal.cores) - radii
+        # obstacles may be far away, and large ones walls of what is near
+        check_meters(
+            np.minimum(radii, np.abs(gaps)), arm, "an obstacle, by its radius,"
+        )
+
+
+@cache
+def _shapes(modules: int) -> dict[str, tuple[int, ...]]:
+    """Shapes of a goal's arrays, by name."""
+    return {name: np.shape(value) for name, value in Goal.of(modules)._asdict().items()}
 
 
 def check_meters(positions: np.ndarray, arm: ArmSpec, name: str) -> None:
