@@ -1,6 +1,7 @@
 """What a log does not show is named, and the last line says whether it can be used."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from s2c2a.logs.summary import summary, verdict
 
 ANGLES = np.deg2rad([0.0, 120.0, 240.0])
 BASE = np.array([0.1, -0.2, 0.3])  # m
+DATA = Path(__file__).parents[2] / "examples" / "data" / "opencr_v4"
 TURN = Rotation.from_euler("y", 90, degrees=True)
 
 
@@ -100,6 +102,24 @@ def test_a_length_that_small_bends_do_not_show_is_no_silent_verdict(write, lengt
     assert "not determined by this log: " in verdict(imported)
     assert "arm.length" in verdict(imported)
     assert "check this on the arm" in "\n".join(summary(imported))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("length", [0.15, 0.205, 0.3])
+def test_a_wrong_length_is_not_taken_for_wrong_signs(length):
+    """The arm is 0.19 m long; reversed signs make up for it, and miss 20 to 50 %."""
+    text = (DATA / "map.toml").read_text("utf-8")
+    stated = text.replace("control_rate", f"length = {length}\ncontrol_rate")
+    with pytest.raises(S2C2AError, match=r"correct arm\.length"):
+        import_logs([DATA / "train.csv.gz"], map_from_toml(stated))
+
+
+@pytest.mark.slow
+def test_a_wrong_unit_of_the_tip_is_not_taken_for_wrong_signs():
+    text = (DATA / "map.toml").read_text("utf-8")
+    stated = text.replace('"tip_z"]\nunit = "mm"', '"tip_z"]\nunit = "m"')
+    with pytest.raises(S2C2AError, match='write unit = "mm" for the ends'):
+        import_logs([DATA / "train.csv.gz"], map_from_toml(stated))
 
 
 def changed(log_map, angles_deg, positive="releases"):

@@ -188,6 +188,21 @@ def test_plans_count_on_what_bends_do_not_explain():
     np.testing.assert_array_equal(moved.rest.missed, 0.0)
 
 
+def test_late_pictures_of_an_arm_on_its_way_teach_nothing():
+    """They are of where it was, which is no error of the model."""
+    next_plan = jax.jit(STEP.next_plan)
+    goal = Goal.of(3).with_position([0.1, 0.0, 0.55])
+    plan = STEP.started(STRAIGHT)
+    pictures = []
+    for _ in range(2 * WINDOW):
+        ends = STEP.model.predict(plan.configurations, plan.memory)[:, :3]
+        pictures.append(np.asarray(ends))
+        late = pictures[max(0, len(pictures) - 4)]
+        plan = next_plan(plan, plan.configurations, goal, seen=late)
+        assert float(abs(plan.rest.missed).max()) < 1e-4
+    assert np.linalg.norm(ends[-1] - goal.positions[-1]) < THERE * TWIN.length
+
+
 def test_a_plan_that_finds_no_rest_is_slow_after_two_horizons(after):
     rest = Rest.none(TWIN)
     for gap in tip_gaps([0.1, 0.2] * (WINDOW // 2)):

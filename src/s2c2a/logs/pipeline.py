@@ -192,9 +192,9 @@ def import_logs(
         try:
             imported = _describe(fitted, log_map, arm)
         except ArmError as error:  # no arm is like it: the map is wrong
-            if fault := _diagnose_failure(fitted.takes, fitted.rests, log_map):
-                raise LogError(fault) from error
             sentence = diagnose(fitted.takes, log_map, None)
+            if not sentence:
+                sentence = _diagnose_failure(fitted.takes, fitted.rests, log_map)
             advice = "check what the map states of the arm, or state its arm.lengths"
             raise LogError(f"{error}\n{sentence or advice}") from error
     except S2C2AError as error:
@@ -330,7 +330,11 @@ def _diagnose_failure(takes: list[LogTake], rests: np.ndarray, log_map: LogMap) 
     return (
         explain.whole(log_map, _shown_directions(takes, log_map))
         or explain.drives(log_map)
-        or explain.whole(log_map, all_drives)
+        # signs make up for a wrong length, badly
+        or (
+            explain.whole(log_map, all_drives)
+            and explain.whole(log_map, [unstated_lengths(log_map)])
+        )
     )
 
 

@@ -163,7 +163,8 @@ class Rest(NamedTuple):
             is_slow=is_slow,
             smallest=jnp.where(is_new, gap, jnp.minimum(self.smallest, gap)),
             before=mean,
-            missed=limit_lengths(self.missed + missed, CALM * arm.length),
+            # pictures are late: those of an arm that approaches or is pushed say nothing
+            missed=limit_lengths(self.missed + ~is_new * missed, CALM * arm.length),
             fallen=fallen,
             calm=jnp.where(is_calm & ~lies, bends, calm),
         )
