@@ -3,6 +3,7 @@
 All goals have the same array shapes, so that a new goal causes no compilation.
 """
 
+import warnings
 from collections.abc import Collection, Iterator, Sequence
 from typing import Any, Literal, NamedTuple, get_args
 
@@ -240,6 +241,13 @@ class Goal(NamedTuple):
             cores=np.concatenate([solids, unused.cores[count:]]),
             obstacle_weight=_weight(weight),
         ).frozen()
+
+
+def warn_of_ignored(name: str, ignored: frozenset[GoalPart]) -> None:
+    """Warn of parts of goals that a strategy or a controller ignores, if there are any."""
+    if ignored:
+        parts = ", ".join(sorted(ignored))
+        warnings.warn(f"{name} ignores what its goal has: {parts}", stacklevel=2)
 
 
 def checked_parts(ignores: Any, owner: Any) -> frozenset[GoalPart]:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from made_up import made_up
+from s2c2a.arm import load_arm
 from s2c2a.evaluation import (
     describe_faults,
     describe_jumps_of_frame,
@@ -58,6 +59,30 @@ def test_a_target_and_a_tip_within_an_obstacle_are_named():
     assert found == f"{target_text} the start, {tip_text} the start"
     assert describe_touches(made_up(5, **beside)) == ""
     assert describe_touches(made_up(5)) == ""
+
+
+@pytest.mark.parametrize("sensor", ["states", "center_line"])
+@pytest.mark.parametrize(
+    ("guard", "hint"), [("tip", ", add --guard arm to keep it out, too"), ("arm", "")]
+)
+def test_a_body_within_an_obstacle_beside_a_free_tip_is_named(sensor, guard, hint):
+    """A ball of 5 cm, 1 cm beside the second module's end from the second step on."""
+    end = np.array([0.0, 0.0, 0.4])
+    states = np.zeros((5, 3, 6))
+    states[:, :, 2] = [0.2, 0.4, 0.6]
+    seen = {"sensor.states": states}
+    if sensor == "center_line":
+        seen["sensor.center_line"] = states[:, None, :, :3]
+    ball = np.tile([*end, 0.05], (5, 1, 1))
+    ball[0, 0, :3] += 1.0
+    ball[1:, 0, 0] += 0.01
+    columns = {"desired_positions": np.full((5, 3, 3), np.nan), "obstacles": ball}
+    arm = load_arm("twin_arm")
+    depth = 100 * (0.05 - 0.01 + arm.modules[1].radius)
+    assert describe_touches(made_up(5, **columns, **seen), guard) == (
+        f"the body behind the tip was up to {depth:.1f} cm within an obstacle, "
+        f"first 0.2 s after the start{hint}"
+    )
 
 
 HELD_POINT = [[0.02, 0, 0]] * 4

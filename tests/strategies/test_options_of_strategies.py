@@ -9,7 +9,7 @@ import pytest
 
 import s2c2a as s2c2a_package
 from s2c2a.arm import load_arm
-from s2c2a.errors import S2C2AError, StrategyError
+from s2c2a.errors import ControllerError, S2C2AError, StrategyError
 from s2c2a.estimation import EncoderOnly, EstimationSettings, KalmanFilter
 from s2c2a.goals import Goal
 from s2c2a.jobs import Conditions, jobs_for
@@ -20,11 +20,13 @@ from s2c2a.live.request import Obstacle
 from s2c2a.robots.simulation import SimulatedRobot
 from s2c2a.runtime import Loop
 from s2c2a.runtime.clock import StepClock
+from s2c2a.runtime.driver import StatedDriver
 from s2c2a.spaces import Stage
 from s2c2a.strategies import (
     STRATEGIES,
     Recipe,
     RunOptions,
+    Strategy,
     StrategyOptions,
     pcc,
     recipe_named,
@@ -178,18 +180,22 @@ def test_a_run_in_python_says_once_what_a_strategy_ignores(ignorant, task, ignor
         s2c2a_package.run(SimulatedRobot(TWIN), driver, short(task))
     said = [str(each.message) for each in caught]
     about = [text for text in said if "ignores" in text]
-    expected = [f"pcc ignores what its goal has: {ignored}"] if ignored else []
+    expected = [f"own ignores what its goal has: {ignored}"] if ignored else []
     assert about == expected
 
 
 @pytest.mark.parametrize(("task", "ignored"), NEEDS)
-def test_a_job_says_what_a_strategy_ignores(ignorant, tmp_path, task, ignored):
-    (job,) = jobs_for([short(task)], TWIN, [ignorant], [0], BEST)
+def test_jobs_say_once_what_a_strategy_ignores_before_it_is_trained(
+    ignorant, tmp_path, task, ignored
+):
+    about = []
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
+        job, _ = jobs_for([short(task)], TWIN, [ignorant], [0, 1], BEST)
+        about += [str(each.message) for each in caught]
         job.make(Cache(tmp_path), lambda *_: None)
-    about = [str(each.message) for each in caught if "ignores" in str(each.message)]
-    assert about == ([f"pcc ignores what its goal has: {ignored}"] if ignored else [])
+    assert not any("ignores" in str(each.message) for each in caught[len(about) :])
+    assert about == ([f"own ignores what its goal has: {ignored}"] if ignored else [])
 
 
 def test_the_live_page_says_what_a_strategy_ignores(ignorant):
@@ -249,16 +255,73 @@ def test_what_a_controller_says_it_ignores_is_checked_by_the_loop():
         Loop(SimulatedRobot(TWIN), driver)
 
 
-def test_a_controller_that_states_the_same_itself_stays_as_it_is():
-    @dataclass(frozen=True)
-    class Own(StrategyOptions):
-        ignores = frozenset({"obstacles"})
+class Own(StrategyOptions):
+    """A strategy of the user's own, without a name, whose controller is frozen."""
 
-        def build(self, arm, recipe, trained, run):
-            return self
+    ignores = frozenset({"obstacles"})
 
-    own = Own()
-    assert own.driver(TWIN, BEST, None, RunOptions()) is own
+    def build(self, arm, recipe, trained, run):
+        return FrozenDriver(pcc.pcc_strategy(arm))
+
+
+@dataclass(frozen=True, slots=True)
+class FrozenDriver:
+    """A controller on which nothing can be kept."""
+
+    parts: Strategy
+    name = "frozen"
+
+    def __getattr__(self, name):
+        return getattr(self.parts, name)
+
+
+def test_what_a_strategy_ignores_is_kept_beside_a_frozen_controller():
+    driver = Own().driver(TWIN, BEST, None, RunOptions())
+    with pytest.warns(UserWarning, match="^Own ignores what its goal has: obstacles$"):
+        episode = s2c2a_package.run(SimulatedRobot(TWIN), driver, short("reach-1"))
+    assert episode.options["strategy"] == "Own"
+    assert driver.parts.arm is TWIN
+
+
+def test_an_error_names_the_controller_and_not_what_its_strategy_states():
+    driver = Own().driver(TWIN, BEST, None, RunOptions())
+    driver.parts.act = lambda plan, estimate: 1 / 0
+    with pytest.raises(ControllerError, match=r"^FrozenDriver\.act failed in step 0"):
+        s2c2a_package.run(SimulatedRobot(TWIN), driver, short("circle"))
+    with pytest.raises(S2C2AError, match="the controller object has no `arm`"):
+        Loop(SimulatedRobot(TWIN), StatedDriver(object(), "own", frozenset()))
+
+
+@pytest.mark.parametrize(
+    ("line", "meant"),
+    [
+        ("ignore = {'obstacles'}", "ignores"),
+        ("ingores = {'obstacles'}", "ignores"),
+        ("support = {'guard'}", "supports"),
+        ("recipe_key = {'planner'}", "recipe_keys"),
+        ("limit = {'gain': (0, 1)}", "limits"),
+    ],
+)
+def test_a_misspelled_statement_of_a_strategy_is_refused(tmp_path, line, meant):
+    name = own_strategy(tmp_path / f"{tmp_path.name}.py", line)
+    given = line.partition(" ")[0]
+    with pytest.raises(
+        StrategyError, match=f"Own has `{given}`.* rename it: `{meant}`"
+    ):
+        strategy_named(name)
+
+
+def test_an_option_may_have_a_name_like_that_of_a_statement(tmp_path):
+    name = own_strategy(tmp_path / f"{tmp_path.name}.py", "limit: float = 0.5")
+    assert strategy_named(f"{name},limit=0.25").limit == 0.25
+
+
+@pytest.mark.parametrize("name", ["ignore", "set_realtime"])
+def test_a_misspelled_statement_of_a_controller_is_refused(name):
+    driver = pcc.pcc_strategy(TWIN)
+    setattr(driver, name, frozenset({"obstacles"}))
+    with pytest.raises(StrategyError, match=f"Strategy has `{name}`, which nothing"):
+        Loop(SimulatedRobot(TWIN), driver)
 
 
 def test_a_step_asks_for_parts_of_a_goal_only_where_some_are_ignored(monkeypatch):

@@ -47,7 +47,7 @@ class Cell:
         entrant = self.entrant
         arm = self.arm.arm
         ignored = self.task.needs.intersection(entrant.options.ignores)
-        if ignored:
+        if ignored and not entrant.is_baseline:
             names = " and ".join(sorted(ignored))
             return f"ignores {names}"
         if self.knows_payload and not entrant.takes_payload:

@@ -90,6 +90,7 @@ class Entrant:
         tuned: what its tuning varies; see `range_from`.
         camera: whether it sees the tip by a camera, as others by motion capture.
         is_own: whether the user has entered it.
+        is_baseline: whether it runs on every task, whatever it ignores of goals.
         arms: that it is trained for, where that takes long; all if empty.
         simulated: control steps of the simulation that it learns from.
         weights: networks of the user's file; trained anew if None.
@@ -102,6 +103,7 @@ class Entrant:
     tuned: tuple[str, ...] = ()
     camera: bool = False
     is_own: bool = False
+    is_baseline: bool = False
     arms: tuple[str, ...] = ()
     simulated: int = 0
     weights: GivenNetworks | None = None
@@ -256,7 +258,7 @@ def untuned() -> list[Entrant]:
             arms=("twin_arm",),
             simulated=60_800,
         ),
-        own("still", "none: the arm keeps its bends"),
+        own("still", "none: the arm keeps its bends", is_baseline=True),
     ]
     return [*of_own_files, *_by_recipes()]
 

@@ -13,6 +13,7 @@ class Still(BendPlanning):
     """The bends of the start, whatever the goals."""
 
     name = "still"
+    ignores = frozenset({"axes", "other ends", "obstacles"})
 
     def planner(self, arm: ArmSpec, guard: Guard) -> "SameBends":
         return SameBends()

@@ -109,6 +109,18 @@ def clearances(
     return 100.0 * least
 
 
+def body_clearances(
+    points: Float[np.ndarray, "steps *moments points 3"],
+    obstacles: ObstacleRows,
+    arm: ArmSpec,
+) -> PerStep:
+    """`clearances` of evenly spaced points of the arm, the tip last, with its body."""
+    radii = [module.radius for module in arm.modules]
+    lengths = [module.length for module in arm.modules]
+    count = points.shape[-2] // len(radii)
+    return clearances(points, obstacles, body_radii(lengths, radii, count))
+
+
 def curve_distances(
     points: Float[np.ndarray, "*points 3"], curve: Float[np.ndarray, "knots 3"]
 ) -> Float[np.ndarray, "*points"]:
@@ -296,13 +308,10 @@ def _clearance_of(
 
     def per_step(episode: Episode, task: Task, _: Score) -> PerStep:
         seen = points(episode)
-        radii = [module.radius for module in episode.arm.modules]
         if of_tip:
-            return clearances(seen, task.obstacles(), radii[-1])
-        count = seen.shape[-2] // len(radii)
-        lengths = [module.length for module in episode.arm.modules]
-        of_points = body_radii(lengths, radii, count)
-        return clearances(seen, task.obstacles(), of_points)
+            radius = episode.arm.modules[-1].radius
+            return clearances(seen, task.obstacles(), radius)
+        return body_clearances(seen, task.obstacles(), episode.arm)
 
     return per_step
 

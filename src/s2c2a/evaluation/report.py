@@ -15,13 +15,14 @@ from pydantic import ConfigDict
 from s2c2a.arm import ArmGeometry
 from s2c2a.episodes import Episode
 from s2c2a.errors import counted, listed
-from s2c2a.evaluation.metrics import clearances
+from s2c2a.evaluation.metrics import body_clearances, clearances
 from s2c2a.files.text import atomic_write, write_atomically
 from s2c2a.kinematics import bends_from_configurations
 from s2c2a.measurements.frame_jumps import describe_frame_jump, find_frame_jumps
-from s2c2a.planning import SIGNIFICANT, Outcome
+from s2c2a.planning import SIGNIFICANT, Guard, Outcome
 from s2c2a.spaces import POSITION, Stage, States
 
+BODY = "the body behind the tip"
 PLAN_OUTCOMES = {
     Outcome.STALLED: "the planner stood still short of its goal",
     Outcome.OUT_OF_REACH: "the planner came no nearer to its goal",
@@ -108,25 +109,37 @@ def describe_plans(episode: Episode) -> str:
     return ", ".join(sentences)
 
 
-def describe_touches(episode: Episode) -> str:
-    """Describe how far target and tip were within obstacles; empty if neither was."""
+def describe_touches(episode: Episode, guard: Guard = "arm") -> str:
+    """Describe how far target and arm were within obstacles; empty if neither was.
+
+    Args:
+        episode: of a run.
+        guard: which points the strategy kept out of obstacles.
+    """
     if "obstacles" not in episode.columns:
         return ""
-    places = [("the target", episode.ran("desired_positions")[:, -1], 0.0)]
+    rows = episode.ran("obstacles")
+    gaps = {"the target": clearances(episode.ran("desired_positions")[:, -1], rows)}
     if "states" in episode.sensors:
         after = np.minimum(episode.running + 1, len(episode) - 1)
         tips = episode.sensor("states")[after, -1, POSITION]
-        places.append(("the tip", tips, episode.arm.modules[-1].radius))
+        of_tip = clearances(tips, rows, episode.arm.modules[-1].radius)
+        line = "center_line" if "center_line" in episode.sensors else "states"
+        points = episode.sensor(line)[after][..., POSITION]
+        of_body = body_clearances(points, rows, episode.arm)
+        gaps["the tip"] = of_tip
+        gaps[BODY] = np.where(of_tip > 0.0, of_body, np.inf)
     sentences = []
-    for name, points, radius in places:
-        depths = -clearances(points, episode.ran("obstacles"), radius)
-        within = np.flatnonzero(depths > 0.0)
+    for name, clear in gaps.items():
+        within = np.flatnonzero(clear < 0.0)
         if len(within):
             first = (within[0] + 1) / episode.arm.control_rate
             sentences.append(
-                f"{name} was up to {depths[within].max():.1f} cm within an obstacle, "
+                f"{name} was up to {-clear[within].min():.1f} cm within an obstacle, "
                 f"first {first:g} s after the start"
             )
+            if name == BODY and guard == "tip":
+                sentences.append("add --guard arm to keep it out, too")
     return ", ".join(sentences)
 
 

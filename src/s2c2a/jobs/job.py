@@ -20,6 +20,7 @@ from s2c2a.evaluation.rollout import OnStep, ignore_step
 from s2c2a.execution import versions
 from s2c2a.execution.progress import Progress
 from s2c2a.files.text import MAX_SEED, is_seed
+from s2c2a.goals import warn_of_ignored
 from s2c2a.jobs.artifacts import Artifact, Cache, Networks, NetworksArtifact, digest_of
 from s2c2a.robots import Robot, RobotFactory
 from s2c2a.runtime import StepRecord
@@ -30,6 +31,7 @@ from s2c2a.strategies import (
     Recipe,
     RunOptions,
     StrategyOptions,
+    shown_name,
     strategy_named,
 )
 from s2c2a.tasks import Task, load_task
@@ -189,7 +191,8 @@ class Job(Artifact[Run]):
         recipe = options.recipe(self.recipe)
         progress(COMPILING, 0, 1)
         with named_errors(StrategyError, f"strategy '{self.strategy}' cannot be built"):
-            strategy = options.driver(self.arm, recipe, trained, self.conditions.run)
+            # `jobs_for` has said what it ignores, before any training
+            strategy = options.build(self.arm, recipe, trained, self.conditions.run)
 
         def report(done: int, total: int) -> None:
             if done <= 1:
@@ -325,6 +328,8 @@ def jobs_for(
 ) -> list[Job]:
     """A job for every seed, strategy and task, in this order; see `Job`.
 
+    A warning says which parts of their goals a strategy ignores.
+
     Raises:
         S2C2AError: no such task or strategy, or scores that the task cannot have.
     """
@@ -332,7 +337,11 @@ def jobs_for(
     for task in dict.fromkeys(tasks):
         chosen.append(task if isinstance(task, Task) else load_task(task, arm))
         evaluation.check_scores(chosen[-1], arm)
-    return [
+    jobs = [
         Job(task, arm, strategy, recipe, seed, conditions, weights, repetitions)
         for seed, strategy, task in product(seeds, dict.fromkeys(strategies), chosen)
     ]
+    for name, task in product(dict.fromkeys(strategies), chosen):
+        ignored = task.needs.intersection(strategy_named(name).ignores)
+        warn_of_ignored(shown_name(name), ignored)
+    return jobs

@@ -14,17 +14,18 @@ import numpy as np
 
 from s2c2a.arm import ArmSpec
 from s2c2a.episodes.episode import SENSOR
-from s2c2a.errors import ControllerError, RobotError, S2C2AError
-from s2c2a.goals import Goal, checked_parts
+from s2c2a.errors import ControllerError, RobotError, S2C2AError, check_spelling
+from s2c2a.goals import Goal, checked_parts, warn_of_ignored
 from s2c2a.plugins.immutable import immutable
 from s2c2a.robots import Robot
 from s2c2a.runtime.border import attribute, named_errors
 from s2c2a.runtime.clock import Clock
-from s2c2a.runtime.driver import Driver
+from s2c2a.runtime.driver import Driver, StatedDriver
 from s2c2a.runtime.record import OWN_COLUMNS
 from s2c2a.spaces import FOLLOWS_FROM, Actions, Reading, Sensor
 
 REQUIRED = ("arm", "sensors", "start", "estimate", "plan", "act", "sent", "diagnostics")
+OPTIONAL = ("ignores", "set_real_time")
 NOT_FINITE = (
     "`act` of the controller {} returns values that are NaN or infinite; their cables "
     "hold the last command"
@@ -82,28 +83,30 @@ class CheckedDriver(_Checked):
         Raises:
             S2C2AError: it lacks a method or an attribute.
         """
+        part = driver.driver if isinstance(driver, StatedDriver) else driver
         absent = object()
         missing = [
             f"`{name}`"
             for name in REQUIRED
-            if attribute(driver, name, ControllerError, absent) is absent
+            if attribute(part, name, ControllerError, absent) is absent
         ]
         if missing:
             raise S2C2AError(
-                f"the controller {type(driver).__name__} has no {', '.join(missing)}; "
+                f"the controller {type(part).__name__} has no {', '.join(missing)}; "
                 "see `runtime.Driver` (docs/guides/extending.md)"
             )
-        super().__init__(driver, ControllerError, step)
+        super().__init__(part, ControllerError, step)
         self.driver = driver
         self.arm = arm
         stated = attribute(driver, "ignores", ControllerError, ())
-        self._ignores = checked_parts(stated, driver)
+        self._ignores = checked_parts(stated, part)
+        check_spelling(part, dir(part), OPTIONAL)
         self._shape = (arm.module_count, arm.cable_count)
 
     @property
     def name(self) -> str:
         """Name in records; that of its class if it has none."""
-        kind = type(self.driver).__name__
+        kind = type(self._part).__name__
         return str(attribute(self.driver, "name", ControllerError, kind))
 
     @property
@@ -141,7 +144,7 @@ class CheckedDriver(_Checked):
 
     def set_real_time(self, is_real: bool) -> None:
         """Tell the controller whether steps must not wait, if it has this method."""
-        if attribute(self.driver, "set_real_time", ControllerError, None):
+        if attribute(self._part, "set_real_time", ControllerError, None):
             self._call("set_real_time", is_real)
 
     def start(self, reading: Reading) -> None:
@@ -154,10 +157,9 @@ class CheckedDriver(_Checked):
 
     def plan(self, estimate: Any, goal: Goal) -> Any:
         """Return its plan; warn once of what it ignores of goals."""
-        if self._ignores and (ignored := self._ignores & goal.parts):
-            parts = ", ".join(sorted(ignored))
-            text = f"{self.name} ignores what its goal has: {parts}"
-            warnings.warn(text, stacklevel=1)
+        if self._ignores:  # the parts of a goal take time to find
+            ignored = self._ignores & goal.parts
+            warn_of_ignored(self.name, ignored)
             self._ignores -= ignored
         return self._call("plan", estimate, goal.frozen())
 
@@ -170,12 +172,12 @@ class CheckedDriver(_Checked):
         desired = self._call("act", plan, estimate, read=partial(np.array, dtype=float))
         if desired.shape != self._shape:
             raise ControllerError(
-                f"`act` of the controller {type(self.driver).__name__} returned shape "
+                f"`act` of the controller {type(self._part).__name__} returned shape "
                 f"{desired.shape} in step {self._step()}; it must return the command "
                 f"of every cable [m or N], shape (modules, cables) {self._shape}"
             )
         if not np.isfinite(desired).all():
-            warnings.warn(NOT_FINITE.format(type(self.driver).__name__), stacklevel=1)
+            warnings.warn(NOT_FINITE.format(type(self._part).__name__), stacklevel=1)
         return desired
 
     def sent(self, action: Actions) -> None:

@@ -1,12 +1,13 @@
 """What the control loop calls in every step: a strategy, or a player of motions."""
 
 from collections.abc import Mapping
-from typing import Protocol, TypeVar
+from dataclasses import dataclass
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
 from s2c2a.arm import ArmSpec
-from s2c2a.goals import Goal
+from s2c2a.goals import Goal, GoalPart
 from s2c2a.spaces import Actions, Reading
 
 EstimateT = TypeVar("EstimateT")
@@ -59,6 +60,26 @@ class Driver(Protocol[EstimateT, PlanT]):
 
     def diagnostics(self) -> Mapping[str, np.ndarray]:
         """Return telemetry of the last step, by column of an episode (`planned`)."""
+
+
+@dataclass(frozen=True)
+class StatedDriver:
+    """A driver, and what its strategy states of it; all else is the driver's own.
+
+    A user's driver may be frozen, so that nothing is kept on it.
+
+    Attributes:
+        driver: that the strategy has built.
+        name: of the strategy.
+        ignores: parts of goals that it ignores.
+    """
+
+    driver: Any
+    name: str
+    ignores: frozenset[GoalPart]
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.driver, name)
 
 
 def choose(

@@ -9,16 +9,18 @@ from jaxtyping import PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
 from s2c2a.data import CollectOptions, Recording
-from s2c2a.errors import StrategyError
+from s2c2a.errors import StrategyError, check_spelling
 from s2c2a.estimation import EstimationSettings
 from s2c2a.goals import GoalPart, checked_parts
 from s2c2a.planning import Guard
 from s2c2a.plugins.components import Options
 from s2c2a.runtime import Driver
+from s2c2a.runtime.driver import StatedDriver
 from s2c2a.strategies.recipe import Recipe
 from s2c2a.strategies.trained import TrainedNetworks
 
 RECIPE_KEYS = frozenset(key.name for key in fields(Recipe))
+OPTIONAL = ("name", "supports", "recipe_keys", "ignores", "limits")
 NetworkProgress = Callable[[str, int, int, float], None]
 """Called with network, epoch, number of epochs, validation loss."""
 
@@ -80,6 +82,8 @@ class StrategyOptions(Options, ABC):
         """Check the limits, and what it states to ignore."""
         super().__post_init__()
         checked_parts(self.ignores, self)
+        own = {*dir(self)} - {*dir(StrategyOptions)} - {*self.__dataclass_fields__}
+        check_spelling(self, own, OPTIONAL)
 
     def recipe(self, recipe: Recipe) -> Recipe:
         """The recipe that it is trained by, given the one that the user chose."""
@@ -153,7 +157,7 @@ class StrategyOptions(Options, ABC):
         run: RunOptions,
     ) -> Driver:
         """See `build`; what is built states what it ignores, for the control loop."""
-        driver: Any = self.build(arm, recipe, trained, run)
-        if self.ignores != getattr(driver, "ignores", frozenset()):
-            driver.ignores = self.ignores
-        return driver
+        driver = self.build(arm, recipe, trained, run)
+        if not self.ignores:
+            return driver
+        return StatedDriver(driver, self.name or type(self).__name__, self.ignores)

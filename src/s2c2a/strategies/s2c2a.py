@@ -38,8 +38,6 @@ COMMON_MOTION = 0.05
 """Share of the cables' motion that they make together; a smaller one is noise."""
 EPOCH_FACTOR = 2
 """Times the epochs of a whole recording, for a short one."""
-SENSOR_KEY = 2
-"""Derives the random key of sensor training from the seed."""
 
 
 @dataclass(frozen=True)
@@ -124,7 +122,7 @@ def train_s2c2a(
     key = random_key(seed)
     data = training_data(recording, recipe)
     c2s_key, c2a_key = jax.random.split(key)
-    sensor_key = jax.random.fold_in(key, SENSOR_KEY)
+    sensor_key = jax.random.fold_in(key, 2)  # another key than the two of the split
 
     c2s_progress = partial(progress, "C2S")
     # first: a recording may hold too few samples of a sensor

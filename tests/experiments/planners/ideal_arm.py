@@ -7,6 +7,8 @@ import jax
 import numpy as np
 
 from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.data import Recording
+from s2c2a.episodes import Episode
 from s2c2a.goals import Goal
 from s2c2a.kinematics import PCC, states_from_bends
 from s2c2a.spaces import Reading
@@ -30,6 +32,24 @@ def drive_ideal(
         rows.append((bends, states))
     all_bends, all_states = zip(*rows, strict=True)
     return np.array(all_bends), np.array(all_states)
+
+
+def ideal_recording(arm, samples: int = 2000) -> Recording:
+    """A recording of ideal arcs in shapes that fill their limits."""
+    pcc, geometry = PCC.of(arm), ArmGeometry.of(arm)
+    rng = np.random.default_rng(0)
+    bends = rng.normal(size=(samples, arm.module_count, 2))
+    bends *= 0.4 * geometry.planned_bends[:, None]
+    cables = np.asarray(pcc.actions(np.asarray(bends, np.float32)), float)
+    bends = np.asarray(pcc.bends(np.asarray(cables, np.float32)))
+    states = jax.jit(states_from_bends)(bends, geometry.lengths.astype(np.float32))
+    columns = {
+        "time": 0.1 * np.arange(samples),
+        "actions": cables,
+        "sensor.cables": cables,
+        "sensor.states": np.asarray(states, float),
+    }
+    return Recording(arm, {"episodes": 1}, (Episode(arm, columns),))
 
 
 def _reading(command: np.ndarray, states: np.ndarray) -> Reading:

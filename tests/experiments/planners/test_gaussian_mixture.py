@@ -12,13 +12,13 @@ from s2c2a.data import Recording
 from s2c2a.episodes import Episode
 from s2c2a.errors import RecordingError, S2C2AError, StrategyError
 from s2c2a.goals import Goal
-from s2c2a.kinematics import PCC, states_from_bends
+from s2c2a.kinematics import states_from_bends
 from s2c2a.strategies import RunOptions, load_networks, recipe_named, save_networks
 from s2c2a.strategies.registry import labeled
 from s2c2a.training import Trained
 from s2c2a_experiments.planners.gaussian_mixture import MIXTURE, GaussianMixture
 
-from ideal_arm import drive_ideal
+from ideal_arm import drive_ideal, ideal_recording
 
 OPTIONS = GaussianMixture(components=12)
 RECIPE = recipe_named("paper")
@@ -28,27 +28,9 @@ SHAPES = [
 ]
 
 
-def synthetic(arm, samples: int = 2000) -> Recording:
-    """A recording of ideal arcs in shapes that fill their limits."""
-    pcc, geometry = PCC.of(arm), ArmGeometry.of(arm)
-    rng = np.random.default_rng(0)
-    bends = rng.normal(size=(samples, arm.module_count, 2))
-    bends *= 0.4 * geometry.planned_bends[:, None]
-    cables = np.asarray(pcc.actions(np.asarray(bends, np.float32)), float)
-    bends = np.asarray(pcc.bends(np.asarray(cables, np.float32)))
-    states = jax.jit(states_from_bends)(bends, geometry.lengths.astype(np.float32))
-    columns = {
-        "time": 0.1 * np.arange(samples),
-        "actions": cables,
-        "sensor.cables": cables,
-        "sensor.states": np.asarray(states, float),
-    }
-    return Recording(arm, {"episodes": 1}, (Episode(arm, columns),))
-
-
 @pytest.fixture(scope="module")
 def trained(twin):
-    return labeled(OPTIONS.train(synthetic(twin), RECIPE, 0), OPTIONS)
+    return labeled(OPTIONS.train(ideal_recording(twin), RECIPE, 0), OPTIONS)
 
 
 def driven(arm, trained, goals) -> tuple[np.ndarray, np.ndarray]:
@@ -87,7 +69,7 @@ def test_saved_and_loaded_it_plans_the_same(twin, trained, tmp_path):
 
 
 def test_too_few_samples_no_networks_and_bad_covariances_are_explained(twin, trained):
-    [episode] = synthetic(twin, samples=50).episodes
+    [episode] = ideal_recording(twin, samples=50).episodes
     states = np.array(episode["sensor.states"])
     states[3:5] = np.nan  # unknown
     columns = {**episode.columns, "sensor.states": states}
@@ -100,7 +82,7 @@ def test_too_few_samples_no_networks_and_bad_covariances_are_explained(twin, tra
         OPTIONS.build(twin, RECIPE, None, RunOptions())
     mixture = trained.networks[MIXTURE]
     negative = type(mixture)(mixture.weights, mixture.means, -mixture.covariances)
-    trained = OPTIONS.train(synthetic(twin, 200), RECIPE, 0)
+    trained = OPTIONS.train(ideal_recording(twin, 200), RECIPE, 0)
     trained = replace(trained, trained={MIXTURE: Trained(negative)})
     with pytest.raises(StrategyError, match="not positive definite"):
         OPTIONS.build(twin, RECIPE, trained, RunOptions())
@@ -109,4 +91,4 @@ def test_too_few_samples_no_networks_and_bad_covariances_are_explained(twin, tra
 def test_a_missing_package_names_its_extra(twin, monkeypatch):
     monkeypatch.setitem(sys.modules, "sklearn", None)
     with pytest.raises(S2C2AError, match=r"s2c2a\[planners\]"):
-        OPTIONS.train(synthetic(twin, 200), RECIPE, 0)
+        OPTIONS.train(ideal_recording(twin, 200), RECIPE, 0)

@@ -9,6 +9,7 @@ from s2c2a.errors import StrategyError
 from s2c2a.files.text import write_atomically
 from s2c2a.integrations.c_code.interface import Generated, generate
 from s2c2a.integrations.control_step import ControlStep
+from s2c2a.runtime.driver import StatedDriver
 from s2c2a.strategies import RunOptions, networks_from, strategy_of
 from s2c2a.strategies.checkpoint import SHIPPED
 from s2c2a.strategies.strategy import Strategy
@@ -73,6 +74,8 @@ def strategy_in(file: Path) -> Strategy:
     # as in runs, without an arm
     arm = load_arm("twin_arm") if str(file) == SHIPPED else None
     strategy = strategy_of(networks_from(file, arm), RunOptions())
+    if isinstance(strategy, StatedDriver):
+        strategy = strategy.driver
     if not isinstance(strategy, Strategy):
         raise StrategyError(
             f"{file} holds a strategy of its own kind ({type(strategy).__name__}), which "
