@@ -1,5 +1,6 @@
-"""Short texts of values with arrays, for `print` and notebooks."""
+"""Short texts of values with arrays, and of what differs between tables."""
 
+from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
@@ -17,3 +18,27 @@ def _short(part: Any) -> AbstractDoc | None:
         return pdoc(dict(part), custom=_short)
     is_number = hasattr(part, "dtype") and part.shape == ()
     return TextDoc(str(part)) if is_number else None
+
+
+def differences(before: Any, after: Any, key: str = "") -> list[str]:
+    """Name every key whose value changed in nested tables, with both values."""
+    if before == after:
+        return []
+    old = _entries(before)
+    new = _entries(after)
+    if old is None or new is None:
+        return [f"{key} {before!r:.60}, now {after!r:.60}"]
+    found = []
+    for name in {**old, **new}:
+        path = f"{key}.{name}" if key else str(name)
+        found += differences(old.get(name), new.get(name), path)
+    return found
+
+
+def _entries(value: Any) -> dict[Any, Any] | None:
+    """Entries of a table or of a list of tables; None of other values."""
+    if isinstance(value, Mapping):
+        return dict(value)
+    if isinstance(value, tuple) and value and isinstance(value[0], Mapping):
+        return dict(enumerate(value))
+    return None

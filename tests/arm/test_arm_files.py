@@ -1,5 +1,6 @@
 import warnings
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -19,6 +20,8 @@ from s2c2a.arm import (
 )
 from s2c2a.arm.spec import largest_gap_deg
 from s2c2a.errors import ArmError
+from s2c2a.robots.simulation import SimulatedRobot
+from s2c2a.strategies import shipped_networks
 
 TWIN = load_arm("twin_arm")
 
@@ -223,4 +226,37 @@ def test_a_deep_copy_shares_no_part():
 def test_differences_lists_the_keys_that_differ():
     arm = load_arm("twin_arm")
     other = arm.model_copy(update={"control_rate": 20.0, "modules": arm.modules[:2]})
-    assert arm.differences(other) == ["control_rate", "modules"]
+    rate, module = arm.differences(other)
+    assert rate == f"control_rate {arm.control_rate}, now 20.0"
+    assert module.startswith("modules.2 {'length': 0.2")
+    assert module.endswith("now None")
+
+
+def test_differences_name_the_key_of_a_module_and_both_values():
+    arm = load_arm("twin_arm")
+    last = arm.modules[-1]
+    heavier = last.model_copy(update={"mass": 2.0 * last.mass})
+    other = arm.model_copy(update={"modules": (*arm.modules[:-1], heavier)})
+    text = f"modules.2.mass {last.mass}, now {2.0 * last.mass}"
+    assert arm.differences(other) == [text]
+
+
+def test_radii_of_bodies_are_no_mechanics():
+    """They keep clear of obstacles alone: forces, inertia and models do not know them."""
+    arm = load_arm("twin_arm")
+    changes = {"radius": 0.06}
+    modules = tuple(module.model_copy(update=changes) for module in arm.modules)
+    wider = arm.model_copy(update={"modules": modules})
+    assert not arm.differences(wider)
+    commands = np.zeros((5, arm.module_count, arm.cable_count))
+    commands[:, 1, 0] = -0.004
+    states = []
+    for each in (arm, wider):
+        with SimulatedRobot(each) as robot:
+            for command in commands:
+                robot.send(command)
+                robot.advance(arm.control_period)
+            states.append(robot.read()["states"])
+    np.testing.assert_array_equal(*states)
+    networks = shipped_networks(wider)
+    assert networks.arm is wider

@@ -86,12 +86,12 @@ def test_a_strategy_of_another_arm_is_refused_and_the_difference_named(
     strategy_file, twin, field, change
 ):
     other = change(twin).model_copy(update={"name": "other"})
-    with pytest.raises(StrategyError, match=rf"'twin_arm'.*'other' in {field};"):
+    with pytest.raises(StrategyError, match=rf"'twin_arm'.*'other' in {field}.* now "):
         load_networks(strategy_file, other)
 
 
 def test_every_difference_is_named(strategy_file, simulated):
-    with pytest.raises(StrategyError, match=r"actuation, sensing, motor, modules"):
+    with pytest.raises(StrategyError, match=r"in actuation .* and \d+ more;"):
         load_networks(strategy_file, simulated)
 
 

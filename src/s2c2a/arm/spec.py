@@ -32,6 +32,7 @@ from s2c2a.arm.sensors import Sensors
 from s2c2a.arm.servos import Servos
 from s2c2a.arm.tracking import Tracking
 from s2c2a.errors import counted
+from s2c2a.printing import differences
 
 MAX_MODULES = 20  # as many as the benchmarks cover
 MAX_PAYLOAD = 50.0  # kg; most payloads that were given in grams exceed it
@@ -465,10 +466,10 @@ class ArmSpec(Frozen):
             )
 
     def differences(self, other: "ArmSpec") -> list[str]:
-        """Return the keys in which the mechanics of another arm differ; none if alike.
+        """Return the keys in which the mechanics of another arm differ, with both values.
 
-        Name, description, limits of steps, `sensors`, `servos`, `tracking` and motor
-        currents are not compared.
+        Name, description, limits of steps, radii of bodies (which keep clear of obstacles
+        alone), `sensors`, `servos`, `tracking` and motor currents are not compared.
         """
         excluded: Any = {
             "name": True,
@@ -479,11 +480,10 @@ class ArmSpec(Frozen):
             "servos": True,
             "tracking": True,
             "motor": {"current_noise", "current_friction"},
+            "modules": {"__all__": {"radius"}},
         }
         values = self.model_dump(exclude=excluded)
-        other_values = other.model_dump(exclude=excluded)
-        keys = values | other_values  # neither has what is at its default
-        return [key for key in keys if values.get(key) != other_values.get(key)]
+        return differences(values, other.model_dump(exclude=excluded))
 
     @property
     def module_count(self) -> int:

@@ -76,7 +76,7 @@ def train(
         if spec is not None and spec.differences(data.arm):
             raise StrategyError(
                 f"{recording} is of '{data.arm.name}', which differs from {arm} in "
-                f"{listed(spec.differences(data.arm))}; leave out --arm, or give the arm "
+                f"{listed(data.arm.differences(spec))}; leave out --arm, or give the arm "
                 "file that it was recorded with"
             )
 

@@ -4,13 +4,12 @@ The control loop of `s2c2a run` drives each episode.
 """
 
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -26,6 +25,7 @@ from s2c2a.files.text import MAX_COUNT, MAX_SEED, check_replaceable, is_seed
 from s2c2a.measurements.outliers import MeasuredEnds, find_outliers
 from s2c2a.measurements.readings import MAX_SILENCE
 from s2c2a.paper import SPEEDS
+from s2c2a.printing import differences
 from s2c2a.robots import Robot
 from s2c2a.runtime import (
     CommandLimits,
@@ -164,30 +164,6 @@ def collect(
         if writer.count == 0:  # no episode was recorded, as without any pose
             path.unlink(missing_ok=True)
     return load_recording(path)
-
-
-def differences(before: Any, after: Any, key: str = "") -> list[str]:
-    """Name every key whose value changed in nested tables, with both values."""
-    if before == after:
-        return []
-    old = _entries(before)
-    new = _entries(after)
-    if old is None or new is None:
-        return [f"{key} {before!r:.60}, now {after!r:.60}"]
-    found = []
-    for name in {**old, **new}:
-        path = f"{key}.{name}" if key else str(name)
-        found += differences(old.get(name), new.get(name), path)
-    return found
-
-
-def _entries(value: Any) -> dict[Any, Any] | None:
-    """Entries of a table or of a list of tables; None of other values."""
-    if isinstance(value, Mapping):
-        return dict(value)
-    if isinstance(value, tuple) and value and isinstance(value[0], Mapping):
-        return dict(enumerate(value))
-    return None
 
 
 def _run_episode(

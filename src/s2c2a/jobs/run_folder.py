@@ -8,7 +8,6 @@ from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 
-from s2c2a.data.collecting import differences
 from s2c2a.episodes import save_episodes
 from s2c2a.episodes.file import ENDING
 from s2c2a.errors import S2C2AError, listed
@@ -16,6 +15,7 @@ from s2c2a.evaluation.report import Row, save_csv, save_rows
 from s2c2a.execution.versions import versions
 from s2c2a.files.text import keep_manifest, read_text, unlisted_files, write_atomically
 from s2c2a.jobs.job import Job, Run
+from s2c2a.printing import differences
 from s2c2a.viz import Trace, replay_page, run_figure
 
 MARKER = "options.json"

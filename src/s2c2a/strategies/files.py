@@ -104,7 +104,7 @@ def load_networks(
     if arm is not None and arm.differences(trained_for):
         raise StrategyError(
             f"{path} was trained for '{trained_for.name}', which differs from "
-            f"'{arm.name}' in {listed(arm.differences(trained_for))}; give the arm of the "
+            f"'{arm.name}' in {listed(trained_for.differences(arm))}; give the arm of the "
             "file, or train one for this arm with `s2c2a train`"
         )
     with damaged(path):

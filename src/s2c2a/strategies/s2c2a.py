@@ -184,7 +184,7 @@ def check_prior(start: TrainedNetworks, arm: ArmSpec, recipe: Recipe) -> None:
     if arm.differences(seen):
         raise StrategyError(
             f"the prior is of '{seen.name}', which differs from '{arm.name}' in "
-            f"{listed(arm.differences(seen))}; make one of this arm with "
+            f"{listed(seen.differences(arm))}; make one of this arm with "
             f"`s2c2a pretrain`"
         )
     ours = start.recipe.by_class
