@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from s2c2a.arm import load_arm
 from s2c2a.errors import TargetError
 from s2c2a.goals import MAX_OBSTACLES
 from s2c2a.planning import Goal
@@ -14,6 +15,12 @@ def test_a_new_goal_has_only_a_cost_of_change():
     assert not goal.axis_weights.any()
     assert not goal.thresholds.any()
     assert goal.change_weight == np.float32(0.7)
+
+
+@pytest.mark.parametrize("modules", [load_arm("twin_arm"), 3.0, "3", 0, -1, None])
+def test_a_goal_for_no_number_of_modules_is_refused(modules):
+    with pytest.raises(TargetError, match=r"got .*; write Goal\.of\(arm\.module_count"):
+        Goal.of(modules)
 
 
 def test_a_position_applies_to_the_tip_unless_a_module_is_given():

@@ -363,7 +363,8 @@ def _comparison_rows(
     groups |= {kind: poses.kinds == kind for kind in KINDS}
     groups |= {"beside obstacles": poses.are_beside}
     for name, chosen in groups.items():
-        within, within_long = comparison.within[chosen], comparison.within_long[chosen]
+        within = comparison.within[chosen]
+        within_long = comparison.within_long[chosen]
         farther = 100.0 * comparison.farther[chosen]
         metrics = {
             ("verdicts agree", "of poses"): np.mean(within == within_long),

@@ -106,8 +106,10 @@ def fit_process(
     ever_known = np.isfinite(targets).any(axis=0)
     complete = np.flatnonzero(np.isfinite(targets[:, ever_known]).all(axis=1))
     rows = complete[evenly_spread(len(complete), ROWS)]
-    x, y = inputs[rows].astype(float), targets[rows].astype(float)
-    center, width = x.mean(axis=0), x.std(axis=0)
+    x = inputs[rows].astype(float)
+    y = targets[rows].astype(float)
+    center = x.mean(axis=0)
+    width = x.std(axis=0)
     scale = np.where(width > 1e-6 * width.max(), width, np.inf)
     points = (x - center) / scale
     mean = y.mean(axis=0)

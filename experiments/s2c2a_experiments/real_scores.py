@@ -130,7 +130,8 @@ def correlation_time(errors: Float[np.ndarray, "episodes samples 3"]) -> int:
     centered = errors - np.nanmean(errors, axis=(0, 1))
     variance = np.nanmean(np.sum(centered**2, axis=-1))
     for lag in range(1, errors.shape[1]):
-        late, early = centered[:, lag:], centered[:, :-lag]
+        late = centered[:, lag:]
+        early = centered[:, :-lag]
         products = np.sum(late * early, axis=-1)
         known = products[np.isfinite(products)]
         if not len(known) or known.mean() < CORRELATED * variance:

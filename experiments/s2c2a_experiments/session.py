@@ -306,7 +306,8 @@ def _coverage_rows(measured: _TrainedArm) -> Iterator[Row]:
         )
         robot = measured.robot(day).make(arm)
         assert isinstance(robot, OtherDay)
-        found, std = fit.posterior.change, fit.posterior.std
+        found = fit.posterior.change
+        std = fit.posterior.std
         for part, true in vars(robot.change(day.softness)).items():
             error = np.abs(np.asarray(getattr(found, part)) - np.asarray(true))
             is_within = error <= 2.0 * np.asarray(getattr(std, part))

@@ -4,9 +4,6 @@ from collections.abc import Collection, Iterable, Sequence
 from difflib import get_close_matches
 
 MAX_NAME_LENGTH = 64  # of a name from a user, which may be a whole file
-MISSPELLED = (
-    0.8  # similarity of names: two letters of seven in the wrong order have more
-)
 MAX_SHOWN = 5  # names or faults in a sentence; a reader counts no further
 
 
@@ -111,28 +108,6 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Suggestion behind a misspelled name in a message; empty if none is similar."""
     nearest = nearest_name(name, known)
     return f" (did you mean {nearest}?)" if nearest else ""
-
-
-def check_spelling(
-    owner: object, names: Iterable[str], optional: Sequence[str]
-) -> None:
-    """Refuse a misspelled optional attribute of a user's object: nothing would read it.
-
-    Args:
-        owner: the object.
-        names: of its attributes.
-        optional: names of attributes that the package reads where they are.
-
-    Raises:
-        StrategyError: a name is nearly that of an optional attribute.
-    """
-    for name in sorted({*names} - {*optional}):
-        likely = get_close_matches(name, optional, n=1, cutoff=MISSPELLED)
-        if likely:
-            raise StrategyError(
-                f"{type(owner).__name__} has `{name}`, which nothing reads; rename it: "
-                f"`{likely[0]}`, if that is meant"
-            )
 
 
 def no_such(kind: str, name: str, known: Collection[str]) -> str:

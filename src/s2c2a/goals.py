@@ -5,6 +5,7 @@ All goals have the same array shapes, so that a new goal causes no compilation.
 
 import warnings
 from collections.abc import Collection, Iterator, Sequence
+from difflib import get_close_matches
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
@@ -20,6 +21,9 @@ PREVIEW_INTERVAL = 0.1  # s between them; a control step where that is longer
 START_TIME = 1.0  # s; chosen: until a plan beside obstacles is at its full pace
 MAX_OBSTACLES = 64  # benchmarks/bench_growth.py measures what they cost
 Numbers = np.ndarray  # inside the planner, JAX traces the same fields
+# attributes of strategies and controllers that need not be there
+STATED = ("ignores", "supports", "recipe_keys", "set_real_time")
+MISSPELLED = 0.8  # similarity of names; letters of `ingores` in their order have 0.86
 GoalPart = Literal["axes", "other ends", "obstacles"]
 """Parts of goals beside the position of the tip; "other ends" than that of the tip."""
 Scalar = Float[Numbers, ""]
@@ -69,7 +73,16 @@ class Goal(NamedTuple):
 
     @classmethod
     def of(cls, modules: int, change_weight: float = 0.5) -> "Goal":
-        """Create a goal without targets; only changes have a cost (mu_d)."""
+        """Create a goal without targets; only changes have a cost (mu_d).
+
+        Raises:
+            TargetError: the number of modules is none, or the weight is negative.
+        """
+        if not isinstance(modules, int | np.integer) or modules < 1:
+            raise TargetError(
+                "a goal needs the number of modules, at least 1, "
+                f"got {_format(modules)}; write Goal.of(arm.module_count)"
+            )
         return cls(
             positions=np.zeros((modules, 3), np.float32),
             position_weights=np.zeros(modules, np.float32),
@@ -258,8 +271,15 @@ def checked_parts(ignores: Any, owner: Any) -> frozenset[GoalPart]:
         owner: that states it, for the message.
 
     Raises:
-        StrategyError: it is no collection of these parts.
+        StrategyError: it is no collection of these parts, or an attribute is misspelled,
+            which nothing would read.
     """
+    for name in {*dir(owner)} - {*STATED}:
+        if meant := get_close_matches(name, STATED, n=1, cutoff=MISSPELLED):
+            raise StrategyError(
+                f"{type(owner).__name__} has `{name}`; did you mean `{meant[0]}`? "
+                "Rename it, or choose a name that differs more"
+            )
     known = sorted(get_args(GoalPart))
     likely = ""
     if isinstance(ignores, Collection) and not isinstance(ignores, str):

@@ -377,6 +377,15 @@ def test_what_is_no_goal_is_refused_where_it_is_given(loop):
             Task("positions", (GOAL, position))
 
 
+@pytest.mark.parametrize("request_", [[0.1, 0, 0.5], GOAL, None, "circle"])
+def test_a_step_asked_for_by_something_else_is_refused_and_the_next_one_goes_on(
+    loop, request_
+):
+    with pytest.raises(TargetError, match=r"needs StepRequest\(goal\), got "):
+        loop.tick(request_)
+    assert run_steps(loop, 1)[0].stage is RUN
+
+
 def test_far_obstacles_and_walls_as_large_spheres_are_goals(loop):
     solids = [[0, 0, 900], [0, 51, 0], [0, 0, -50]], [0.1, 50, 49.9]
     wall = HalfSpace(point=(0, 0, -3), normal=(0, 0, 1)).rows()

@@ -89,9 +89,7 @@ def test_only_a_prior_of_this_arm_and_recipe_is_a_start(
         start(tiny_best_networks)
     shorter = [module.model_copy(update={"length": 0.1}) for module in twin.modules]
     other = twin.model_copy(update={"modules": tuple(shorter)})
-    with pytest.raises(
-        StrategyError, match=r"in modules\.0\.length 0\.1, now 0\.2"
-    ):
+    with pytest.raises(StrategyError, match=r"in modules\.0\.length 0\.1, now 0\.2"):
         start(as_prior(replace(tiny_best_networks, arm=other)))
     with pytest.raises(StrategyError, match="differs in c2s"):
         start(as_prior(tiny_networks))

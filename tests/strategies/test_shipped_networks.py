@@ -50,9 +50,7 @@ def test_another_arm_is_told_to_train(make_arm):
 def test_what_differs_from_the_arm_that_networks_come_for_is_named():
     twin = load_arm("twin_arm")
     loaded = twin.model_copy(update={"tip": twin.tip.model_copy(update={"mass": 0.02})})
-    with pytest.raises(
-        StrategyError, match=r"'twin_arm' in tip .*0\.02"
-    ):
+    with pytest.raises(StrategyError, match=r"'twin_arm' in tip .*0\.02"):
         shipped_networks(loaded)
 
 

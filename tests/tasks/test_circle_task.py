@@ -59,6 +59,7 @@ def test_an_unknown_task_lists_the_known_ones():
     assert all(name in str(caught.value) for name in TASKS)
 
 
-def test_a_task_without_goals_is_rejected():
-    with pytest.raises(TargetError, match="no goals"):
-        Task("nothing", ())
+@pytest.mark.parametrize("goals", [(), None, np.zeros((2, 3)), iter(()), "circle"])
+def test_a_task_without_goals_is_rejected(goals):
+    with pytest.raises(TargetError, match=r"(?s)no goals, got .*give a tuple of goals"):
+        Task("nothing", goals)

@@ -2,10 +2,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from s2c2a.errors import S2C2AError
 from s2c2a.viz import charts, learning_curves, recording_figure, run_figure
 from s2c2a.viz.mounting import ABOVE, SIDE
+from s2c2a.viz.reach import _draw_shape
 
 PNG = b"\x89PNG\r\n"
 CURVE = np.array([(epoch, 0.5**epoch, 0.6**epoch) for epoch in range(5)])
@@ -174,6 +176,20 @@ def test_an_obstacle_that_appears_later_is_in_the_figure_of_a_run(
     (label,) = [text for text in above.texts if text.get_text() == "from 0.5 s"]
     assert label.get_zorder() > max(line.get_zorder() for line in above.lines)
     assert label.get_bbox_patch() is not None
+
+
+def test_the_legend_of_a_map_shows_colors_that_are_drawn(arm):
+    axes = Figure().add_subplot()
+    heights = np.cumsum([module.length for module in arm.modules])
+    states = np.zeros((1, arm.module_count, 6))
+    states[0, :, 2] = heights
+    states[..., 5] = 1.0
+    reached = SimpleNamespace(states=states, position_errors=np.zeros(1))
+    _draw_shape(axes, arm, reached, SIDE)
+    drawn = {line.get_color() for line in axes.lines if len(line.get_xdata())}
+    handles, _ = axes.get_legend_handles_labels()
+    assert {handle.get_label() for handle in handles} == {"nearest shape", "base"}
+    assert {handle.get_color() for handle in handles} <= drawn
 
 
 @pytest.mark.parametrize("width", [5.0, 7.6])

@@ -254,12 +254,7 @@ class EncoderOnly(EstimatorOptions):
     supports = frozenset({"known_payload"})
 
     def build(
-        self,
-        arm: ArmSpec,
-        configuration_map: ConfigurationMap,
-        model: ForwardModel,
-        networks: Mapping[str, Any],
-        settings: EstimationSettings,
+        self, arm, configuration_map, model, networks, settings
     ) -> EncoderEstimator:
         """See `EstimatorOptions`.
 

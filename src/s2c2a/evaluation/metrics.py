@@ -301,19 +301,15 @@ def _compare_states(
     )
 
 
-def _clearance_of(
-    points: Callable[[Episode], np.ndarray], of_tip: bool = False
-) -> StepMetric:
-    """Metric of the clearance of the tip, or of the arm, with the body around it."""
+def _clearance_of_tip(points: Callable[[Episode], np.ndarray]) -> StepMetric:
+    """Metric of the clearance of the tip, with the body around it."""
+    return lambda episode, task, _: clearances(
+        points(episode), task.obstacles(), episode.arm.modules[-1].radius
+    )
 
-    def per_step(episode: Episode, task: Task, _: Score) -> PerStep:
-        seen = points(episode)
-        if of_tip:
-            radius = episode.arm.modules[-1].radius
-            return clearances(seen, task.obstacles(), radius)
-        return body_clearances(seen, task.obstacles(), episode.arm)
 
-    return per_step
+def _clearance_of_arm(episode: Episode, task: Task, _: Score) -> PerStep:
+    return body_clearances(_arm_points(episode), task.obstacles(), episode.arm)
 
 
 def _tips(episode: Episode) -> Vectors:
@@ -377,9 +373,9 @@ METRICS = {
     ),
     "end distance": Metric("cm", _position, _last_mean),
     "reached": Metric("of runs", _position, _last_mean),
-    "clearance": Metric("cm", _clearance_of(_tip_path, of_tip=True), _minimum),
-    "clearance at steps": Metric("cm", _clearance_of(_tips, of_tip=True), _minimum),
-    "clearance of the arm": Metric("cm", _clearance_of(_arm_points), _minimum),
+    "clearance": Metric("cm", _clearance_of_tip(_tip_path), _minimum),
+    "clearance at steps": Metric("cm", _clearance_of_tip(_tips), _minimum),
+    "clearance of the arm": Metric("cm", _clearance_of_arm, _minimum),
     "path length": Metric("cm", lambda run, *_: step_lengths(_tips(run)), _sum),
     "shape": Metric("cm", _shape, _last_mean),
     "stillness": Metric("cm", _stillness, _maximum),

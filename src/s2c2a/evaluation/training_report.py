@@ -38,8 +38,9 @@ def describe_controller(arm: ArmSpec, percent: Mapping[str, Sequence[float]]) ->
         return ""
     return (
         f"warning: C2A errs by more than a control step ({step:.1f} %): the arm may "
-        "move elsewhere than planned. Use --strategy pcc, or train on more samples, "
-        "without cables that pull together: one motion then has many commands"
+        "move elsewhere than planned. Use --strategy pcc, or train on a longer recording. "
+        "In it, the cables of a module should not all pull at the same time: this "
+        "stiffens a module and hardly bends it, so that one bend has many commands"
     )
 
 

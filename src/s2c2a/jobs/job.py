@@ -337,11 +337,10 @@ def jobs_for(
     for task in dict.fromkeys(tasks):
         chosen.append(task if isinstance(task, Task) else load_task(task, arm))
         evaluation.check_scores(chosen[-1], arm)
-    jobs = [
+        for name in dict.fromkeys(strategies):
+            ignored = chosen[-1].needs.intersection(strategy_named(name).ignores)
+            warn_of_ignored(shown_name(name), ignored)
+    return [
         Job(task, arm, strategy, recipe, seed, conditions, weights, repetitions)
         for seed, strategy, task in product(seeds, dict.fromkeys(strategies), chosen)
     ]
-    for name, task in product(dict.fromkeys(strategies), chosen):
-        ignored = task.needs.intersection(strategy_named(name).ignores)
-        warn_of_ignored(shown_name(name), ignored)
-    return jobs

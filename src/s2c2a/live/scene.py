@@ -29,12 +29,15 @@ from s2c2a.obstacles import CENTER, CORE, distances, is_sphere
 from s2c2a.spaces import POSITION, States
 from s2c2a.viz.colors import (
     DESIRED,
+    DISC,
     GRID,
     GRID_STRONG,
     INK,
     MUTED,
     OBSTACLE,
     REAL,
+    TOUCHED,
+    WARNING,
     module_colors,
     pale,
     rgb,
@@ -44,9 +47,6 @@ from s2c2a.viz.mounting import SUN, Surroundings
 from s2c2a.viz.solids import hull, surface
 from s2c2a.viz.trace import STDS
 
-SHADOW = "#d9dee6"
-WARNING = "#f0a000"
-INSIDE = "#d62728"
 NEAR_DISTANCE = 0.05  # m; clearance below which an obstacle turns amber
 REACH_TOLERANCE = 0.005  # m; a target closer to the reach counts as reachable
 TRAIL_POINTS = 90
@@ -96,7 +96,7 @@ class ArmScene:
             faces=self._mesh.outline_faces,
             visible=False,
         )
-        self._shadow = add_outline(name="/shadow", color=SHADOW, side="double")
+        self._shadow = add_outline(name="/shadow", color=GRID, side="double")
         self._ghost = add_outline(name="/ghost", color=MUTED, opacity=0.22)
         add_line = partial(
             _add_mesh,
@@ -337,7 +337,7 @@ class _Solid:
         self._core = _add_ball(scene, f"{name}/core", 1.0, INK)
         self._ball = _add_ball(scene, f"{name}/threshold", 1.0, OBSTACLE, opacity=0.35)
         # the shadow shows how far away the obstacle is
-        self._shadow = _add_ball(scene, f"{name}/shadow", 1.0, SHADOW)
+        self._shadow = _add_ball(scene, f"{name}/shadow", 1.0, GRID)
         self._body: MeshHandle | None = None
         self._shape: tuple[float, ...] = ()
         self._middle = np.zeros(3)
@@ -400,7 +400,7 @@ class _Solid:
 
 def _clearance_color(clearance: float) -> str:
     if clearance < 0:
-        return INSIDE
+        return TOUCHED
     return WARNING if clearance < NEAR_DISTANCE else OBSTACLE
 
 
@@ -452,11 +452,9 @@ def _add_surroundings(scene: SceneApi, arm: ArmSpec) -> Surroundings:
     scene.set_up_direction(turn[2])
     scene.configure_environment_map(None)
     scene.configure_default_lights(enabled=False)
-    scene.add_light_hemisphere(
-        "/lights/sky", ground_color=(190, 198, 210), intensity=1.6
-    )
+    scene.add_light_hemisphere("/lights/sky", ground_color=rgb(DISC), intensity=1.6)
     scene.add_light_directional(
-        "/lights/sun", color=(255, 250, 240), intensity=2.0, position=tuple(SUN @ turn)
+        "/lights/sun", intensity=2.0, position=tuple(SUN @ turn)
     )
     scene.world_axes.visible = False
     through_origin = surroundings.through_origin

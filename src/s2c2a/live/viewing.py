@@ -22,10 +22,11 @@ from s2c2a.spaces import POSITION, States
 from s2c2a.strategies import TrainedNetworks
 from s2c2a.training.fit import is_fixed
 from s2c2a.viz import Trace
+from s2c2a.viz.colors import PALETTE
 from s2c2a.viz.coverage import coverage_image
 
 MAX_POINTS = 1500  # of each module in a recording's cloud
-CURVES = {"training": "#1f5fc4", "validation": "#c77d0a"}
+CURVES = {"training": PALETTE[0], "validation": PALETTE[2]}
 NO_GHOST = "none"
 
 

@@ -21,10 +21,10 @@ from s2c2a.arm import ArmSpec
 from s2c2a.live.gate import HOST, Gate, only_with
 from s2c2a.live.request import Point
 from s2c2a.live.scene import ArmScene
+from s2c2a.viz.colors import REAL, rgb
 from s2c2a.viz.mounting import EYE, LOOK_AT, Mounting
 
 FRAME = 1 / 30  # s between frames
-BRAND = (31, 95, 196)
 FIELD_OF_VIEW_DEG = 40
 # instead of EYE and LOOK_AT for a phone, whose lower half the panel covers
 PORTRAIT_CAMERA = (2.7, -2.9, 1.5)
@@ -57,7 +57,7 @@ class Window:
                 host=HOST, port=0, label=f"s2c2a · {arm.name}", verbose=False
             )
         self.server.gui.configure_theme(
-            show_logo=False, show_share_button=False, brand_color=BRAND
+            show_logo=False, show_share_button=False, brand_color=rgb(REAL)
         )
         camera = self.server.initial_camera
         camera.position, camera.look_at = camera_of(arm)

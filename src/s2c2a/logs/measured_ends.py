@@ -16,13 +16,13 @@ from s2c2a.viz.charts import (
     new_figure,
     save_figure,
 )
-from s2c2a.viz.colors import INK, MUTED
+from s2c2a.viz.colors import INK, MUTED, PALETTE, REAL
 
 WIDTH, HEIGHT = 11.0, 2.1  # of the figure, and of the panel of each end [inches]
-COORDINATES = {"x": "#1f5fc4", "y": "#2b9a4b", "z": "#6b7280"}
+COORDINATES = {"x": REAL, "y": PALETTE[1], "z": MUTED}
 LINE: dict[str, Any] = {"linewidth": 0.7}
 BAND: dict[str, Any] = {
-    "color": "#c77d0a",
+    "color": PALETTE[2],
     "alpha": 0.35,
     "label": "frozen pose, excluded",
 }
@@ -30,7 +30,7 @@ CROSSES: dict[str, Any] = {
     "marker": "x",
     "markersize": 4,
     "linestyle": "none",
-    "color": "#b8327f",
+    "color": PALETTE[4],
     "label": "other excluded pose",
 }
 

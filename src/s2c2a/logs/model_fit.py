@@ -180,7 +180,8 @@ def _from_variables(vector, like: CableParameters, by_total: bool) -> CableParam
     parameters = unflatten(vector, like)
     if not by_total:
         return parameters
-    total, ratios = parameters.lengths[0], parameters.lengths[1:]
+    total = parameters.lengths[0]
+    ratios = parameters.lengths[1:]
     shares: Numbers = jax.nn.log_softmax(jnp.append(ratios, 0.0))
     if isinstance(vector, np.ndarray):
         shares = np.asarray(shares)

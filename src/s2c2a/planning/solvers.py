@@ -173,7 +173,7 @@ class Problem(NamedTuple):
 
     def stacked(self, bends: Bends) -> ResidualVector:
         """The residuals of these bends."""
-        return self.residuals(self.candidate_at(bends))
+        return self.residuals(self.candidate_at(bends, self.memory))
 
     def residuals(self, candidate: Candidate) -> ResidualVector:
         """All sqrt(mu) r in one vector; its sum of squares is the sum of mu |r|^2."""
@@ -183,17 +183,13 @@ class Problem(NamedTuple):
             rows.append((scale * residuals).reshape(-1))
         return jnp.concatenate(rows)
 
-    def candidate_at(self, bends: Bends) -> Candidate:
+    def candidate_at(self, bends: Bends, memory: Memory) -> Candidate:
         """The candidate with these bends."""
-        return self.predict(configurations_from_bends(bends), bends, self.memory)
+        return self.predict(configurations_from_bends(bends), bends, memory)
 
     def expanded_at(self, bends: Bends, memory: Memory) -> tuple[Candidate, Candidate]:
         """The candidate with these bends, and its slopes; their first axis are the bends."""
-
-        def predicted(bends: Bends) -> Candidate:
-            return self.predict(configurations_from_bends(bends), bends, memory)
-
-        return along_axes(predicted, bends, 0)
+        return along_axes(lambda each: self.candidate_at(each, memory), bends, 0)
 
     def within_limits(self, desired: Configurations) -> Configurations:
         """Configurations within the bend limits and one step limit from the last ones.

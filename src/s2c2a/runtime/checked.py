@@ -14,7 +14,7 @@ import numpy as np
 
 from s2c2a.arm import ArmSpec
 from s2c2a.episodes.episode import SENSOR
-from s2c2a.errors import ControllerError, RobotError, S2C2AError, check_spelling
+from s2c2a.errors import ControllerError, RobotError, S2C2AError
 from s2c2a.goals import Goal, checked_parts, warn_of_ignored
 from s2c2a.plugins.immutable import immutable
 from s2c2a.robots import Robot
@@ -25,11 +25,6 @@ from s2c2a.runtime.record import OWN_COLUMNS
 from s2c2a.spaces import FOLLOWS_FROM, Actions, Reading, Sensor
 
 REQUIRED = ("arm", "sensors", "start", "estimate", "plan", "act", "sent", "diagnostics")
-OPTIONAL = ("ignores", "set_real_time")
-NOT_FINITE = (
-    "`act` of the controller {} returns values that are NaN or infinite; their cables "
-    "hold the last command"
-)
 # control periods that an answer may take: one late answer, until the middle of the
 # period after the next, is no fault
 BLOCKED_PERIODS = 2.5
@@ -42,6 +37,7 @@ class _Checked:
         self, part: Any, error_type: type[S2C2AError], step: Callable[[], int]
     ):
         self._part = part
+        self._kind = type(part).__name__
         self._error_type = error_type
         self._step = step
 
@@ -61,7 +57,7 @@ class _Checked:
         return named_errors(self._error_type, self._failure(method))
 
     def _failure(self, method: str) -> str:
-        return f"{type(self._part).__name__}.{method} failed in step {self._step()}"
+        return f"{self._kind}.{method} failed in step {self._step()}"
 
 
 class CheckedDriver(_Checked):
@@ -100,14 +96,12 @@ class CheckedDriver(_Checked):
         self.arm = arm
         stated = attribute(driver, "ignores", ControllerError, ())
         self._ignores = checked_parts(stated, part)
-        check_spelling(part, dir(part), OPTIONAL)
         self._shape = (arm.module_count, arm.cable_count)
 
     @property
     def name(self) -> str:
         """Name in records; that of its class if it has none."""
-        kind = type(self._part).__name__
-        return str(attribute(self.driver, "name", ControllerError, kind))
+        return str(attribute(self.driver, "name", ControllerError, self._kind))
 
     @property
     def sensors(self) -> tuple[str, ...]:
@@ -172,12 +166,14 @@ class CheckedDriver(_Checked):
         desired = self._call("act", plan, estimate, read=partial(np.array, dtype=float))
         if desired.shape != self._shape:
             raise ControllerError(
-                f"`act` of the controller {type(self._part).__name__} returned shape "
+                f"`act` of the controller {self._kind} returned shape "
                 f"{desired.shape} in step {self._step()}; it must return the command "
                 f"of every cable [m or N], shape (modules, cables) {self._shape}"
             )
         if not np.isfinite(desired).all():
-            warnings.warn(NOT_FINITE.format(type(self._part).__name__), stacklevel=1)
+            text = "values that are NaN or infinite; their cables hold the last command"
+            text = f"`act` of the controller {self._kind} returns {text}"
+            warnings.warn(text, stacklevel=1)
         return desired
 
     def sent(self, action: Actions) -> None:
@@ -308,6 +304,5 @@ class CheckedRobot(_Checked):
         answer = self._call(method, *arguments)
         elapsed = self._clock.now() - began
         if elapsed > self._longest:
-            name = type(self.robot).__name__
-            self._fault = f"{name}.{method} blocked for {elapsed:.1f} s"
+            self._fault = f"{self._kind}.{method} blocked for {elapsed:.1f} s"
         return answer

@@ -25,7 +25,7 @@ class EmergencyStop:
     def __init__(self) -> None:
         """A switch that is off."""
         # no lock: a signal handler may interrupt its own thread anywhere
-        self._is_triggered = False
+        self.is_triggered = False
         self._source = ""
 
     def trigger(self, source: Any = "a program") -> None:
@@ -35,16 +35,11 @@ class EmergencyStop:
             source: person or device that stopped the arm, for the message.
         """
         self._source = str(source)
-        self._is_triggered = True
+        self.is_triggered = True
 
     def reset(self) -> None:
         """Allow motion again, from the next opening of the robot on."""
-        self._is_triggered = False
-
-    @property
-    def is_triggered(self) -> bool:
-        """Whether the arm must not move."""
-        return self._is_triggered
+        self.is_triggered = False
 
     def check(self) -> None:
         """Raise an error if the arm must not move.

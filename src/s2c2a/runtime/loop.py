@@ -16,7 +16,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from s2c2a.errors import RobotError, S2C2AError
+from s2c2a.errors import RobotError, S2C2AError, TargetError
 from s2c2a.goals import Goal
 from s2c2a.measurements.following import FollowingMonitor
 from s2c2a.measurements.readings import ReadingCheck
@@ -183,6 +183,10 @@ class Loop:
         """
         if self._stopped:
             raise S2C2AError(self.fault)
+        if not isinstance(request, StepRequest):
+            raise TargetError(
+                f"a control step needs StepRequest(goal), got {request!r:.200}"
+            )
         if request.goal is not None:
             check_goal(request.goal, self.arm)
         moment, delay = self._wait()

@@ -9,7 +9,7 @@ from jaxtyping import PRNGKeyArray
 
 from s2c2a.arm import ArmSpec
 from s2c2a.data import CollectOptions, Recording
-from s2c2a.errors import StrategyError, check_spelling
+from s2c2a.errors import StrategyError
 from s2c2a.estimation import EstimationSettings
 from s2c2a.goals import GoalPart, checked_parts
 from s2c2a.planning import Guard
@@ -20,7 +20,6 @@ from s2c2a.strategies.recipe import Recipe
 from s2c2a.strategies.trained import TrainedNetworks
 
 RECIPE_KEYS = frozenset(key.name for key in fields(Recipe))
-OPTIONAL = ("name", "supports", "recipe_keys", "ignores", "limits")
 NetworkProgress = Callable[[str, int, int, float], None]
 """Called with network, epoch, number of epochs, validation loss."""
 
@@ -82,8 +81,6 @@ class StrategyOptions(Options, ABC):
         """Check the limits, and what it states to ignore."""
         super().__post_init__()
         checked_parts(self.ignores, self)
-        own = {*dir(self)} - {*dir(StrategyOptions)} - {*self.__dataclass_fields__}
-        check_spelling(self, own, OPTIONAL)
 
     def recipe(self, recipe: Recipe) -> Recipe:
         """The recipe that it is trained by, given the one that the user chose."""
@@ -149,15 +146,9 @@ class StrategyOptions(Options, ABC):
             run: options of the run.
         """
 
-    def driver(
-        self,
-        arm: ArmSpec,
-        recipe: Recipe,
-        trained: TrainedNetworks | None,
-        run: RunOptions,
-    ) -> Driver:
+    def driver(self, *given: Any) -> Driver:
         """See `build`; what is built states what it ignores, for the control loop."""
-        driver = self.build(arm, recipe, trained, run)
+        driver = self.build(*given)
         if not self.ignores:
             return driver
         return StatedDriver(driver, self.name or type(self).__name__, self.ignores)

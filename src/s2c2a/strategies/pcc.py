@@ -8,7 +8,7 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, PRNGKeyArray
+from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmSpec
 from s2c2a.control import InversePCC
@@ -18,7 +18,7 @@ from s2c2a.estimation import EncoderEstimator, EncoderMap
 from s2c2a.kinematics import PCC, bends_from_states
 from s2c2a.models.forward_model import PCCForwardModel
 from s2c2a.planning import PAPER, Planner, PlannerOptions
-from s2c2a.strategies.options import NetworkProgress, RunOptions, StrategyOptions
+from s2c2a.strategies.options import StrategyOptions
 from s2c2a.strategies.recipe import Recipe
 from s2c2a.strategies.strategy import Strategy
 from s2c2a.strategies.trained import TrainedNetworks
@@ -40,13 +40,7 @@ class PlainPCC(StrategyOptions):
     supports = frozenset({"guard"})
     recipe_keys = PLANNING_KEYS
 
-    def build(
-        self,
-        arm: ArmSpec,
-        recipe: Recipe,
-        trained: TrainedNetworks | None,
-        run: RunOptions,
-    ) -> Strategy:
+    def build(self, arm, recipe, trained, run) -> Strategy:
         options = replace(recipe.planner, guard=run.guard)
         return pcc_strategy(arm, options, 1.0 / self.gains(trained), self.name)
 
@@ -79,18 +73,10 @@ class FittedPCC(PlainPCC):
         """See `StrategyOptions`: the recipe matters to the recording alone."""
         return repr(self)
 
-    def untrained(
-        self, arm: ArmSpec, recipe: Recipe, key: PRNGKeyArray
-    ) -> dict[str, Any]:
+    def untrained(self, arm, recipe, key) -> dict[str, Any]:
         return {GAINS: FittedGains(jnp.ones(arm.module_count))}
 
-    def train(
-        self,
-        recording: Recording,
-        recipe: Recipe,
-        seed: int,
-        progress: NetworkProgress = lambda *_: None,
-    ) -> TrainedNetworks:
+    def train(self, recording, recipe, seed, progress=lambda *_: None):
         gains = FittedGains(jnp.asarray(fitted_gains(recording), jnp.float32))
         return TrainedNetworks(recording.arm, recipe, seed, {GAINS: Trained(gains)})
 

@@ -24,7 +24,6 @@ from s2c2a.planning import Guard, Planner
 from s2c2a.strategies.options import (
     RECIPE_KEYS,
     NetworkProgress,
-    RunOptions,
     StrategyOptions,
 )
 from s2c2a.strategies.recipe import Recipe
@@ -36,8 +35,7 @@ from s2c2a.training.fit import random_key
 WEIGHTS = resources.files("s2c2a.strategies").joinpath("weights")
 COMMON_MOTION = 0.05
 """Share of the cables' motion that they make together; a smaller one is noise."""
-EPOCH_FACTOR = 2
-"""Times the epochs of a whole recording, for a short one."""
+EPOCH_FACTOR = 2  # times the epochs of a whole recording, for a short one
 
 
 @dataclass(frozen=True)
@@ -58,27 +56,13 @@ class S2C2A(StrategyOptions):
     def training_key(self, recipe: Recipe) -> Any:
         return recipe.training
 
-    def untrained(
-        self, arm: ArmSpec, recipe: Recipe, key: PRNGKeyArray
-    ) -> dict[str, Any]:
+    def untrained(self, arm, recipe, key) -> dict[str, Any]:
         return recipe.untrained(arm, key)
 
-    def train(
-        self,
-        recording: Recording,
-        recipe: Recipe,
-        seed: int,
-        progress: NetworkProgress = lambda *_: None,
-    ) -> TrainedNetworks:
+    def train(self, recording, recipe, seed, progress=lambda *_: None):
         return train_s2c2a(recording, recipe, seed, progress)
 
-    def build(
-        self,
-        arm: ArmSpec,
-        recipe: Recipe,
-        trained: TrainedNetworks | None,
-        run: RunOptions,
-    ) -> Strategy:
+    def build(self, arm, recipe, trained, run) -> Strategy:
         if trained is None:
             raise StrategyError("s2c2a needs trained networks")
         networks = replace(trained, arm=arm, recipe=recipe)

@@ -57,9 +57,10 @@ class Task:
 
     def __post_init__(self):
         """Validate that there are goals, and nothing else."""
-        if not self.goals:
+        if not isinstance(self.goals, tuple | list) or not self.goals:
             raise TargetError(
-                f"the task '{self.name}' has no goals; give one for every control step"
+                f"the task '{self.name}' has no goals, got {self.goals!r:.200}; give a "
+                "tuple of goals, one for every control step"
             )
         for goal in self.goals:
             Goal.checked(goal)

@@ -31,7 +31,7 @@ MAX_NUMBERED = 10  # boundaries of modules with a number
 QUANTITIES = (  # attribute of a module, factor, heading
     ("length", 1000, "length\n[mm]"),
     ("cable_radius", 1000, "cables at\n[mm]"),
-    ("radius", 1000, "body\n[mm]"),
+    ("radius", 1000, "body radius\n[mm]"),
     ("mass", 1000, "mass\n[g]"),
     ("bending_stiffness", 1, "EI\n[N m²]"),
     ("gj", 1, "GJ\n[N m²]"),

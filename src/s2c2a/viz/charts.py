@@ -22,6 +22,7 @@ from s2c2a.viz.arrays import Obstacles, Points
 from s2c2a.viz.colors import (
     DESIRED,
     FAINT,
+    GRID_STRONG,
     INK,
     MUTED,
     OBSTACLE,
@@ -63,7 +64,7 @@ def new_axes(
     axes.grid(color=FAINT, linewidth=0.7)
     axes.set_axisbelow(True)
     for side in axes.spines:
-        axes.spines[side].set(visible=side in ("left", "bottom"), color="#b9c1cb")
+        axes.spines[side].set(visible=side in ("left", "bottom"), color=GRID_STRONG)
     return axes
 
 

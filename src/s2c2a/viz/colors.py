@@ -20,15 +20,14 @@ GRID_STRONG = "#b3bdc9"
 INK = "#17202b"
 MUTED = "#5b6675"
 FAINT = "#dfe4ea"
+WARNING = "#f0a000"  # an arm near an obstacle, a target out of reach
+TOUCHED = "#d62728"  # an obstacle that the arm touches
 
 _BASE_TO_TIP = np.array([(47, 111, 219), (52, 168, 83), (224, 70, 58)])  # RGB
-_STRATEGY_COLORS = {
-    "s2c2a": "#1f5fc4",
-    "pcc": "#2b9a4b",
-    "pcc-fitted": "#c77d0a",
-    "lstm": "#0d8fa0",
-}
-PALETTE = ("#1f5fc4", "#2b9a4b", "#c77d0a", "#0d8fa0", "#b8327f", "#6b7280", "#7a5230")
+PALETTE = (REAL, "#2b9a4b", "#c77d0a", "#0d8fa0", "#b8327f", "#6b7280", "#7a5230")
+_STRATEGY_COLORS = dict(
+    zip(("s2c2a", "pcc", "pcc-fitted", "lstm"), PALETTE, strict=False)
+)
 
 
 def rgb(color: str) -> tuple[int, int, int]:

@@ -123,5 +123,5 @@ def _draw_shape(axes: Axes, arm: ArmSpec, reached: Reached, view: View) -> None:
         axes.plot(*charts.seen(part, view), color=color, zorder=40, **style)
     ends = points[count::count]
     axes.plot(*charts.seen(ends, view), "o", markersize=3.5, color="white", zorder=41)
-    axes.plot([], [], color=INK, linewidth=3.0, label="nearest shape")
+    axes.plot([], [], color=color, linewidth=4.0, label="nearest shape")
     axes.plot(0.0, 0.0, "s", markersize=8, color=MUTED, label="base", zorder=42)

@@ -1,7 +1,7 @@
 """Snapshots of the arm as standard messages of ROS 2."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,7 @@ from s2c2a.live.request import Request, point
 from s2c2a.live.snapshot import Snapshot
 from s2c2a.obstacles import CENTER, CORE, DISC, HALF_EDGES, THRESHOLD, TURN
 from s2c2a.spaces import AXIS, POSITION
+from s2c2a.viz.colors import DESIRED, OBSTACLE, REAL, rgb
 
 LINE_STRIP = 4  # visualization_msgs/Marker.LINE_STRIP
 CUBE = 1  # visualization_msgs/Marker.CUBE
@@ -30,11 +31,7 @@ DELETE_ALL = 3  # visualization_msgs/Marker.DELETEALL
 CURVE_POINTS = 33  # chosen: a smooth line at the size of a screen
 OK, WARN, ERROR = 0, 1, 2  # diagnostic_msgs/DiagnosticStatus
 NO_TURN = (0.0, 0.0, 0.0, 1.0)
-ARM_COLOR = (0.25, 0.45, 0.75, 1.0)
-TARGET_COLOR = (0.55, 0.25, 0.85, 0.9)
-OBSTACLE_COLOR = (0.85, 0.3, 0.2, 0.6)
-
-Numbers = Sequence[float]
+OPACITIES = {REAL: 1.0, DESIRED: 0.9, OBSTACLE: 0.6}  # of arm, target and obstacles
 
 
 class Outputs:
@@ -153,17 +150,17 @@ class Outputs:
         yield {
             "kind": LINE_STRIP,
             "scale": (2.0 * max(radii), 0.0, 0.0),
-            "color": ARM_COLOR,
+            "color": REAL,
             "points": curve(np.linspace(0.0, knots[-1], CURVE_POINTS)),
         }
         sphere = {"kind": SPHERE, "scale": (2.5 * radii[-1],) * 3}
-        yield {**sphere, "center": snapshot.tip, "color": ARM_COLOR}
+        yield {**sphere, "center": snapshot.tip, "color": REAL}
         goal = snapshot.step.goal
         target = request.target
         if request.task and goal is not None:
             target = point(goal.desired_positions()[-1])
         if target is not None and all(map(math.isfinite, target)):
-            yield {**sphere, "center": target, "color": TARGET_COLOR}
+            yield {**sphere, "center": target, "color": DESIRED}
 
     def _obstacles(
         self, snapshot: Snapshot, request: Request
@@ -182,7 +179,7 @@ class Outputs:
                 "center": row[CENTER],
                 "turn": turn if turn.any() else NO_TURN,
                 "scale": 2.0 * (halves + row[THRESHOLD]),
-                "color": OBSTACLE_COLOR,
+                "color": OBSTACLE,
             }
 
 
@@ -204,10 +201,12 @@ def _marker(
     center: Any = (0.0, 0.0, 0.0),
     turn: Any = NO_TURN,
     scale: Any = (1.0, 1.0, 1.0),
-    color: Numbers = ARM_COLOR,
+    color: str = REAL,
     points: Any = (),
 ) -> Any:
-    red, green, blue, alpha = color
+    channels = np.divide(rgb(color), 255.0)
+    red, green, blue = channels.tolist()
+    opacity = OPACITIES[color]
     nothing = np.zeros(0, np.uint8)
     image = new(
         "sensor_msgs/msg/CompressedImage", header=header, format="", data=nothing
@@ -222,7 +221,7 @@ def _marker(
         action=action,
         pose=_pose(center, turn),
         scale=_vector("Vector3", scale),
-        color=new("std_msgs/msg/ColorRGBA", r=red, g=green, b=blue, a=alpha),
+        color=new("std_msgs/msg/ColorRGBA", r=red, g=green, b=blue, a=opacity),
         lifetime=new("builtin_interfaces/msg/Duration", sec=0, nanosec=0),
         frame_locked=False,
         points=[_vector("Point", each) for each in points],

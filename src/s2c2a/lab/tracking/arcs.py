@@ -89,5 +89,6 @@ def matrices_of(vectors: np.ndarray) -> np.ndarray:
 
 def turn_axes(bends: np.ndarray) -> np.ndarray:
     """Rotation vectors z x b of bends b."""
-    x, y = bends[..., 0], bends[..., 1]
+    x = bends[..., 0]
+    y = bends[..., 1]
     return np.stack([-y, x, 0 * x], axis=-1)

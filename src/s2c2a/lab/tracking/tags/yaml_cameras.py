@@ -139,7 +139,8 @@ def _numbers(values: dict, names: Sequence[str]) -> list[float]:
 
 def _distortion(given: list[float]) -> list[float]:
     """k1, k2, p1, p2, k3; further coefficients must be zero."""
-    used, beyond = given[:5], given[5:]
+    used = given[:5]
+    beyond = given[5:]
     if not all(map(math.isfinite, given)) or len(given) < 4 or any(beyond):
         raise ValueError(
             f"{_DISTORTIONS[0]}: write k1, k2, p1, p2, k3; further ones must be zero, "
