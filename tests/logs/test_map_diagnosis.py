@@ -116,7 +116,7 @@ def test_exchanged_drives_are_named(table, outcome):
 def test_exchanged_modules_are_named(table, outcome):
     for drive in table["drives"]:
         drive["module"] = 1 - drive["module"]
-    assert "write module = 1 for the drives with module = 0" in outcome(table)
+    assert "reverse the order of the drives' `module`" in outcome(table)
 
 
 @pytest.mark.slow

@@ -54,7 +54,7 @@ def test_a_wrong_statement_holds_in_repeated_fits_and_is_named(
     else:
         value = getattr(fit.parameters, name)
     assert np.abs(value - wrong).max() <= deviation + 1e-9
-    assert text in describe_contradictions(fit.parameters, stated)
+    assert text in describe_contradictions(fit, stated)
 
 
 @pytest.mark.parametrize("name", slow_after(1, ["base", "lengths", "total", "tilt"]))
@@ -63,8 +63,19 @@ def test_true_statements_are_not_contradicted(log, name):
     stated = replace(log, bounds={name: (value, 0.002)})
     start = TRUE._replace(gain=np.array(0.2), lengths=np.log([0.15, 0.15]))
     fit = fit_parameters(stated, start, WIRING)
-    assert describe_contradictions(fit.parameters, stated) == ""
+    assert describe_contradictions(fit, stated) == ""
     np.testing.assert_allclose(np.exp(fit.parameters.lengths), [0.1, 0.2], atol=1e-3)
+
+
+def test_a_bound_that_an_error_of_the_model_reaches_is_no_contradiction(log):
+    """Without the bound, errors of 3 cm are about as large."""
+    noise = np.random.default_rng(1).normal(0, 0.03, log.states.shape)
+    noisy = replace(log, states=log.states + noise)
+    tilt = np.array([0.0, -0.03])
+    stated = replace(noisy, bounds={"tilt": (tilt, 0.01)})
+    fit = fit_parameters(stated, TRUE, WIRING)
+    assert np.abs(fit.parameters.tilt - tilt).max() >= 0.0095
+    assert describe_contradictions(fit, stated) == ""
 
 
 @pytest.mark.slow

@@ -110,7 +110,13 @@ def find_changes(found: Identified, log_map: LogMap) -> list[str]:
         for clause, columns, changed in _frame_changes(log_map)
         if _agrees(found.transformed(columns), changed)
     ]
+    angles = [
+        clause
+        for clause, changed in (angles_from_radians(log_map), clockwise_angles(log_map))
+        if _agrees(found, changed)
+    ]
     return [
+        *angles,
         *frames,
         *_drive_changes(found, log_map),
         *_module_changes(found, log_map),
@@ -271,12 +277,28 @@ def _sign_changes(found: Identified, log_map: LogMap) -> Iterator[str]:
 
 def angles_from_radians(log_map: LogMap) -> Change:
     """Clause, and the map whose numbers of `angle_deg` are radians."""
+    clause = "write angle_deg in degrees, not in radians"
+    return clause, _scaled_angles(log_map, np.rad2deg(1.0))
+
+
+def clockwise_angles(log_map: LogMap) -> Change:
+    """Clause, and the map whose numbers of `angle_deg` count the other way round."""
+    clause = "count angle_deg counterclockwise, seen from the tip towards the base"
+    return clause, _scaled_angles(log_map, -1.0)
+
+
+def _scaled_angles(log_map: LogMap, factor: float) -> LogMap:
     drives = tuple(
-        _with(drive, angle_deg=drive.angle_deg and np.rad2deg(drive.angle_deg))
+        _with(drive, angle_deg=drive.angle_deg and factor * drive.angle_deg)
         for drive in log_map.drives
     )
-    clause = "write angle_deg in degrees, not in radians"
-    return clause, _with(log_map, drives=drives)
+    return _with(log_map, drives=drives)
+
+
+def unstated_angles(log_map: LogMap) -> LogMap:
+    """The map that leaves the angles of drives to the log."""
+    drives = tuple(_with(drive, angle_deg=None) for drive in log_map.drives)
+    return _with(log_map, drives=drives)
 
 
 def reversed_drives(log_map: LogMap) -> Change:
@@ -313,6 +335,13 @@ def unstated_lengths(log_map: LogMap) -> Change:
     return "correct arm.length or arm.lengths, or leave it out", _with(log_map, arm=arm)
 
 
+def unstated_sizes(log_map: LogMap) -> LogMap:
+    """The map that leaves all that is in meters to the log, but the cables' travel."""
+    _, changed = unstated_lengths(log_map)
+    arm = _with(changed.arm, cable_radius=None)
+    return _with(changed, arm=arm, frame=_with(log_map.frame, base=None))
+
+
 def longer_arm(log_map: LogMap) -> Change:
     """Clause, and the map of an arm that is longer by a fifth, if its length is stated."""
     arm = log_map.arm
@@ -327,6 +356,12 @@ def other_commands(log_map: LogMap) -> Change:
     commands = "sent" if log_map.rows.settled else "settled"
     rows = _with(log_map.rows, commands=commands)
     return f'write rows.commands = "{commands}"', _with(log_map, rows=rows)
+
+
+def settled_rows(log_map: LogMap) -> Change:
+    """Clause, and the map whose rows are settled poses."""
+    rows = _with(log_map.rows, kind="steps")
+    return 'write rows.kind = "steps"', _with(log_map, rows=rows)
 
 
 def other_directions(log_map: LogMap, z: np.ndarray) -> list[Change]:

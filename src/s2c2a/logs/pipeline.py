@@ -1,7 +1,7 @@
 """Import of logs: from files and a map to episodes and an arm file."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -28,25 +28,29 @@ from s2c2a.logs.map_changes import (
     LONGER,
     Change,
     Identified,
-    angles_from_radians,
     contradicts_angles,
     describe_angles,
+    find_changes,
     longer_arm,
     other_commands,
     other_directions,
     reversed_drives,
     reversed_modules,
+    settled_rows,
+    unstated_angles,
     unstated_lengths,
+    unstated_sizes,
     with_assignment,
 )
 from s2c2a.logs.map_diagnosis import (
     CLEARLY,
     MOST,
     POOR,
-    Given,
-    diagnose,
-    diagnose_map,
+    FreeFit,
+    fit_freely,
+    free_scale,
     missed_share,
+    unit_change,
 )
 from s2c2a.logs.model_fit import CableFit, Observations, predict_states
 from s2c2a.logs.poor_fits import describe_poor_fit
@@ -76,6 +80,7 @@ from s2c2a.logs.stated_values import (
 from s2c2a.logs.tables import ColumnRequest, Table
 from s2c2a.logs.take import LogTake, build_take, effective_drives
 from s2c2a.logs.take_change import TakeChange, find_change
+from s2c2a.logs.unit_checks import drive_unit_change
 from s2c2a.spaces import POSITION
 
 # largest distance of an end from the base, in arm lengths, even if a camera has moved
@@ -192,9 +197,8 @@ def import_logs(
         try:
             imported = _describe(fitted, log_map, arm)
         except ArmError as error:  # no arm is like it: the map is wrong
-            sentence = diagnose(fitted.takes, log_map, None)
-            if not sentence:
-                sentence = _diagnose_failure(fitted.takes, fitted.rests, log_map)
+            explain = _Explanation(fitted.takes, fitted.rests, fitted)
+            sentence = explain.single_change(log_map)
             advice = "check what the map states of the arm, or state its arm.lengths"
             raise LogError(f"{error}\n{sentence or advice}") from error
     except S2C2AError as error:
@@ -265,8 +269,8 @@ def _fit(
             failed = takes, rests
     if fits:
         return min(fits, key=lambda fitted: fitted.fit.cost)
-    if sentence := _diagnose_failure(*failed, log_map):
-        # the failure names what does not fit the wrong drive
+    if sentence := _Explanation(*failed).single_change(log_map):
+        # the failure names what does not fit the wrong map
         raise LogError(sentence) from failure
     values = [effective_drives(take, log_map) for take in failed[0]]
     if still := still_drives(np.concatenate(values), log_map):
@@ -275,8 +279,6 @@ def _fit(
         raise LogError(
             f"{names} hardly {verb}: record motion of every drive\n{failure}"
         )
-    if sentence := diagnose(failed[0], log_map, None):
-        raise LogError(f"{failure}\n{sentence}")
     raise failure
 
 
@@ -315,29 +317,6 @@ def _observe(
     return segments, observations, first_guess(registration, log_map)
 
 
-def _diagnose_failure(takes: list[LogTake], rests: np.ndarray, log_map: LogMap) -> str:
-    """Sentence that names why a map has no fit; may be empty.
-
-    The ends alone show another direction, and effects a single drive; that all signs
-    or modules are wrong shows only if these are right.
-    """
-    all_drives = [
-        reversed_drives(log_map),
-        reversed_modules(log_map),
-        angles_from_radians(log_map),
-    ]
-    explain = _Explanation(takes, rests)
-    return (
-        explain.whole(log_map, _shown_directions(takes, log_map))
-        or explain.drives(log_map)
-        # signs make up for a wrong length, badly
-        or (
-            explain.whole(log_map, all_drives)
-            and explain.whole(log_map, [unstated_lengths(log_map)])
-        )
-    )
-
-
 def _shown_directions(takes: list[LogTake], log_map: LogMap) -> list[Change]:
     ends = np.concatenate([take.positions for take in takes])
     return other_directions(log_map, estimate_z(ends, log_map))
@@ -368,24 +347,48 @@ class _Explanation:
         self._cost = _cost(known) if known else np.inf
         self._missed = missed_share(known.fit, known.observations) if known else np.inf
 
-    def whole(self, log_map: LogMap, changes: Sequence[Change]) -> str:
-        """Sentence on what concerns all drives or ends; empty if it is not at fault.
+    def single_change(self, log_map: LogMap) -> str:
+        """Sentence on the changes, of all that are known, that explain the log best.
+
+        Each thing that the map states is changed or left to the log alone, and then all
+        of them together.
+        """
+        values = [effective_drives(take, log_map) for take in self.takes]
+        still = still_drives(np.concatenate(values), log_map)
+        for tries in () if still else (self._angles, self._sizes):
+            tries(log_map)
+            if any(missed < POOR for _, _, missed in self.found):
+                return self.sentence()  # all else that is stated explains the log
+        self.whole(log_map, _shown_directions(self.takes, log_map))
+        fault = self.drives(log_map)
+        if still:
+            return self.sentence() or fault  # without motion, anything explains it
+        changes = [
+            reversed_drives(log_map),
+            reversed_modules(log_map),
+            unstated_lengths(log_map),
+            settled_rows(log_map),
+        ]
+        if any(drive.measured is None for drive in log_map.drives):
+            changes.append(other_commands(log_map))
+        self.whole(log_map, changes)
+        self._all(log_map)
+        return self.sentence() or fault
+
+    def whole(self, log_map: LogMap, changes: Sequence[Change]) -> None:
+        """Try what concerns all drives or ends.
 
         No search passes from one of the values to another, so that each is fitted from
         its own start.
         """
-        read = [from_rests(take, -self.rests) for take in self.takes]
         for clause, changed in changes:
             if changed == log_map:  # nothing of it is stated
                 continue
-            # the arm is straight in other rows if it points elsewhere
-            for others in possible_rests(read, changed):
-                rested = [from_rests(take, others) for take in read]
-                self._tries(clause, changed, rested, others)
-        return self._sentence()
+            for takes, rests in self._rested(changed):
+                self._tries(clause, changed, takes, rests)
 
     def drives(self, log_map: LogMap) -> str:
-        """Sentence that names the drives of which one is wrong; may be empty."""
+        """Try single wrong drives; returns a sentence on one that moves too far."""
         try:
             _, observations, _ = _observe(self.takes, log_map)
         except S2C2AError:
@@ -402,43 +405,126 @@ class _Explanation:
                 )
                 for take in self.takes
             ]
-            if self._tries(clause, log_map, scaled, factors * self.rests):
-                return f"{CONTRADICTION}{clause} (nothing was changed)"
-        if still_drives(observations.columns, log_map):
-            return ""
-        for clause, changed in likely_changes(observations, log_map):
-            self._tries(clause, changed, self.takes, self.rests)
-        return self._sentence()
+            self._tries(clause, log_map, scaled, factors * self.rests)
+        if not still_drives(observations.columns, log_map):
+            for clause, changed in likely_changes(observations, log_map):
+                self._tries(clause, changed, self.takes, self.rests)
+        return ""
+
+    def _angles(self, log_map: LogMap) -> None:
+        """Try what makes stated angles equal those that the log shows without them."""
+        free = unstated_angles(log_map)
+        if free == log_map:
+            return
+        for takes, rests in self._rested(free):
+            try:
+                fitted = _fit_takes(takes, rests, free, quiet)
+            except S2C2AError:
+                continue
+            fit = fitted.fit
+            observations = fitted.observations
+            found = Identified.of(fit, fitted.assignment, observations.axes)
+            missed = missed_share(fit, observations)
+            for clause in find_changes(found, log_map):
+                self._adds(clause, _cost(fitted), missed)
+
+    def _sizes(self, log_map: LogMap) -> None:
+        """Try the unit in which the sizes that the log shows without any are possible.
+
+        The ends count in a unit in which they move like those of most arms.
+        """
+        free = unstated_sizes(log_map)
+        ends = np.concatenate([take.positions for take in self.takes])
+        try:
+            scale = free_scale(ends)
+        except LogError:
+            return
+        for takes, rests in self._rested(free):
+            scaled = [replace(take, positions=take.positions / scale) for take in takes]
+            try:
+                fitted = _fit_takes(scaled, rests, free, quiet)
+            except S2C2AError:
+                continue
+            fit = fitted.fit
+            observations = fitted.observations
+            axes = observations.axes
+            found = Identified.of(fit, fitted.assignment, axes, scale)
+            missed = missed_share(fit, observations)
+            cost = _cost(fitted) * scale**2
+            self._adds_unit(FreeFit(found, missed, cost), log_map)
+
+    def _adds_unit(self, free: FreeFit, log_map: LogMap) -> bool:
+        """Add another unit alone: sizes show it where no fit does."""
+        is_better = self._is_better(free.cost, free.missed)
+        unit = unit_change(free, is_better, log_map)
+        if unit:
+            self.found = [(free.cost, unit, free.missed)]
+        return bool(unit)
+
+    def _all(self, log_map: LogMap) -> None:
+        """Try what makes all that is stated equal what the log shows without it."""
+        fits = []
+        for takes, _ in self._rested(log_map):
+            try:
+                fits.append(fit_freely(takes, log_map))
+            except S2C2AError:
+                continue
+        if not fits:
+            return
+        free = min(fits, key=lambda fit: fit.cost)
+        if self._adds_unit(free, log_map):
+            return
+        # all that is free explains most logs a little better
+        if free.cost < AMBIGUOUS_RATIO * min(self.found, default=(np.inf,))[0]:
+            for clause in find_changes(free.found, log_map):
+                self._adds(clause, free.cost, free.missed)
+
+    def _rested(self, log_map: LogMap) -> Iterator[tuple[list[LogTake], np.ndarray]]:
+        """Takes that count from each rest that a map allows, and the rest.
+
+        The arm is straight in other rows if it points elsewhere.
+        """
+        read = [from_rests(take, -self.rests) for take in self.takes]
+        for rests in possible_rests(read, log_map):
+            yield [from_rests(take, rests) for take in read], rests
 
     def _tries(
         self, clause: str, changed: LogMap, takes: list[LogTake], rests: np.ndarray
-    ) -> bool:
-        """Whether a map explains takes whose drives count from their rests."""
+    ) -> None:
+        """Fit a changed map to takes whose drives count from their rests."""
         try:
             fitted = _fit_takes(takes, rests, changed, quiet)
         except S2C2AError:
-            return False
-        fit, axes = fitted.fit, fitted.observations.axes
+            return
+        fit = fitted.fit
+        axes = fitted.observations.axes
         identified = Identified.of(fit, fitted.assignment, axes)
         if contradicts_angles(identified, changed) and not keeps_angles(
             fit, fitted.observations, changed
         ):
-            return False
+            return
         share = missed_share(fit, fitted.observations)
         cost = _cost(fitted)
-        # other cables can make up for one of another unit, at the cost of odd numbers
-        is_better = cost < self.clearly * self._cost or share < CLEARLY * self._missed
-        does = share < MOST and is_better
-        if does:
-            self.found.append((cost, clause, share))
-        elif AMBIGUOUS_RATIO * cost < self._cost:
+        if not self._adds(clause, cost, share) and AMBIGUOUS_RATIO * cost < self._cost:
             self.close[clause] = (
                 f"misses {100 * share:.0f} % of the motion, and as stated "
                 f"{100 * self._missed:.0f} %"
             )
-        return does
 
-    def _sentence(self) -> str:
+    def _adds(self, clause: str, cost: float, missed: float) -> bool:
+        """Add a change if it explains the log clearly better."""
+        is_better = self._is_better(cost, missed)
+        if is_better:
+            self.found.append((cost, clause, missed))
+        return is_better
+
+    def _is_better(self, cost: float, missed: float) -> bool:
+        # other cables can make up for one of another unit, at the cost of odd numbers
+        fits_better = cost < self.clearly * self._cost
+        misses_less = missed < CLEARLY * self._missed
+        return missed < MOST and (fits_better or misses_less)
+
+    def sentence(self) -> str:
         """The best of the changes, and those that are about as good; empty: none."""
         if not self.found:
             return ""
@@ -448,11 +534,12 @@ class _Explanation:
             clause for cost, clause, _ in self.found if AMBIGUOUS_RATIO * cost <= least
         )
         doubt = "; the log does not tell which" if len(clauses) > 1 else ""
-        before = f", not {100 * self._missed:.0f} %" if self.known else ""
-        return (
-            f"{CONTRADICTION}{', or '.join(clauses)}{doubt}; the model then misses "
-            f"{100 * share:.0f} % of the motion{before} (nothing was changed)"
-        )
+        now = f"{100 * share:.0f} %"
+        before = f"{100 * self._missed:.0f} %"
+        better = f"; the model then misses {now} of the motion"
+        if self.known:
+            better = f"{better}, not {before}" if now != before else ""
+        return f"{CONTRADICTION}{', or '.join(clauses)}{doubt}{better} (nothing was changed)"
 
 
 def _cost(fitted: _Fitted) -> float:
@@ -490,20 +577,23 @@ def _describe(fitted: _Fitted, log_map: LogMap, arm: ArmSpec | None) -> Imported
         layout = match_layout(layout, arm, may_turn=log_map.frame.x is None)
     axes = _rotation_about_z(layout.turn) @ axes
     rig = Rig.identified(log_map, fitted.rests, layout.drive, layout.factor, base, axes)
-    given = Given(fit, assignment, observations, residual)
     undetermined = undetermined_numbers(fit, observations.columns, log_map)
     unusual = unusual_numbers(fit, fitted.start, log_map)
-    diagnosis = diagnose_map(fitted.takes, log_map, given)
     missed = missed_share(fit, observations)
+    is_poor = missed > POOR
     wrong = ""
     # angles of a poor fit mean nothing
-    if not diagnosis and missed < POOR and not keeps_angles(fit, observations, log_map):
+    if not is_poor and not keeps_angles(fit, observations, log_map):
         identified = Identified.of(fit, assignment, observations.axes)
         wrong = describe_angles(identified, log_map)
     # a map whose angles the fit leaves is to be equaled only
     most = 1 / AMBIGUOUS_RATIO if wrong else CLEARLY
     explain = _Explanation(fitted.takes, fitted.rests, fitted, most)
-    if not diagnosis:
+    gain = float(np.exp(fit.parameters.gain))
+    lengths = np.exp(fit.parameters.lengths)
+    if is_poor or wrong or drive_unit_change(gain, float(lengths.min()), log_map):
+        diagnosis = explain.single_change(log_map)
+    else:
         # modules and coupling hold for other signs, directions and lengths, too: a fit
         # takes a tenth of the time of the search that found them
         held = with_assignment(log_map, assignment)
@@ -514,26 +604,21 @@ def _describe(fitted: _Fitted, log_map: LogMap, arm: ArmSpec | None) -> Imported
         }
         if any(drive.module is not None for drive in log_map.drives):
             doubts["order of modules: reversed"] = reversed_modules(log_map)
-        changes = [
-            *doubts.values(),
-            unstated_lengths(held),
-            *_shown_directions(fitted.takes, held),
-        ]
-        if wrong:
-            changes.append(angles_from_radians(held))
-        diagnosis = explain.whole(held, changes)
+        directions = _shown_directions(fitted.takes, held)
+        others = [unstated_lengths(held), settled_rows(held), *directions]
+        explain.whole(held, [*doubts.values(), *others])
+        # a drive of another unit hardly moves, or lets others seem to
+        if unusual or still_drives(observations.columns, log_map):
+            explain.drives(log_map)
+        diagnosis = ""
+        if explain.found:  # what explains more, without what is held, may be another
+            diagnosis = explain.single_change(log_map)
         ambiguities += [
             f"{doubt}, the model {explain.close[clause]}; measure or check this on the arm"
             for doubt, (clause, _) in doubts.items()
             if clause in explain.close
         ]
-    # a drive of another unit hardly moves, or lets others seem to
-    still = still_drives(observations.columns, log_map)
-    if not diagnosis and (missed > POOR or unusual or still or wrong):
-        diagnosis = explain.drives(log_map)
-    contradictions = [describe_contradictions(fit.parameters, observations), wrong]
-    if not diagnosis and missed > POOR:
-        diagnosis = explain.whole(log_map, [other_commands(log_map)])
+    contradictions = [describe_contradictions(fit, observations), wrong]
     poor_fit = "" if diagnosis else describe_poor_fit(missed, log_map)
     return Imported(
         arm,

@@ -13,6 +13,8 @@ BASE_BOUND = 0.002  # m, of each coordinate
 LENGTH_BOUND = 0.002  # of the logarithm
 TILT_BOUND = np.deg2rad(1.0)  # about each of x and y
 WRONG_ANGLE = 0.5  # rad; a larger error says nothing of the turn of the frame
+# deviations of what a map may state, where it does not [logarithm, rad, m]
+UNSTATED_STD = {"lengths": 0.2, "total": 0.2, "tilt": 0.1, "base": 0.1}
 STIFFNESS = 0.2  # first guess: stiffness of the arm over that of its cables
 
 
@@ -24,13 +26,13 @@ def prior_std(log_map: LogMap) -> dict[str, float]:
         "gain": 3.0,
         "gains": 0.3 if log_map.drives[0].unit == "free" else 0.1,
         "offsets": 0.1,
-        "lengths": 0.2 if arm.lengths is None else 0.002,
-        "total": 0.2 if arm.length is None else 0.002,
+        "lengths": UNSTATED_STD["lengths"] if arm.lengths is None else 0.002,
+        "total": UNSTATED_STD["total"] if arm.length is None else 0.002,
         "stiffness": 2.0,
         "gravity": 0.3 if any(arm.gravity_direction) else 1e-6,
         # errors of the model repeat, so data alone would tilt the frame by degrees
-        "tilt": 0.1 if log_map.frame.along is None else 0.01,
-        "base": 0.1 if log_map.frame.base is None else 0.002,
+        "tilt": UNSTATED_STD["tilt"] if log_map.frame.along is None else 0.01,
+        "base": UNSTATED_STD["base"] if log_map.frame.base is None else 0.002,
     }
 
 

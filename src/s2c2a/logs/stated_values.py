@@ -11,7 +11,7 @@ from s2c2a.logs.cable_search import AMBIGUOUS_RATIO
 from s2c2a.logs.log_map import ROTATING_UNITS, LogMap
 from s2c2a.logs.map_changes import AXES, angles_of
 from s2c2a.logs.model_fit import CableFit, Observations, fit_parameters
-from s2c2a.logs.priors import prior_std, with_stated_angles
+from s2c2a.logs.priors import UNSTATED_STD, prior_std, with_stated_angles
 from s2c2a.logs.take import Drives
 
 KEPT_ANGLE = 0.1  # rad; prior deviation of angles that are kept, half of TOLERANCE_DEG
@@ -21,22 +21,22 @@ STILL = 0.1  # motion of a drive over the largest one; noise of pressures reache
 UNUSUAL = 3.0  # prior deviations from the first guess; 3 in 1000 numbers by chance
 
 
-def describe_contradictions(
-    parameters: CableParameters, observations: Observations
-) -> str:
-    """Sentence that names the stated values at whose bounds a fit ends; may be empty.
+def describe_contradictions(fit: CableFit, observations: Observations) -> str:
+    """Sentence that names the stated values that a fit contradicts; may be empty.
+
+    It ends at their bounds, and explains the log clearly better without them: errors of
+    the model reach the bounds, too.
 
     Args:
-        parameters: fitted parameters.
+        fit: of the observations, with stated values.
         observations: bounds of stated values, and the axes of the frame.
     """
-    clauses = [
-        clause
-        for name, (stated, deviation) in observations.bounds.items()
-        for clause in _clauses(
-            name, _share(name, parameters, stated, deviation), observations.axes
-        )
-    ]
+    clauses = []
+    for name, (stated, deviation) in observations.bounds.items():
+        shares = _share(name, fit.parameters, stated, deviation)
+        found = list(_clauses(name, shares, observations.axes))
+        if found and _is_better_without(name, fit, observations):
+            clauses += found
     if not clauses:
         return ""
     return (
@@ -44,6 +44,15 @@ def describe_contradictions(
         "they are kept: measure them again, or leave them out of the map (an error "
         "of one can show at another)"
     )
+
+
+def _is_better_without(name: str, fit: CableFit, observations: Observations) -> bool:
+    rows = observations.thinned()
+    others = {key: value for key, value in rows.bounds.items() if key != name}
+    priors = {**rows.prior_std, name: UNSTATED_STD[name]}
+    free = replace(rows, bounds=others, prior_std=priors)
+    freed = fit_parameters(free, fit.parameters, fit.wiring)
+    return freed.cost < AMBIGUOUS_RATIO * fit.cost
 
 
 def keeps_angles(fit: CableFit, observations: Observations, log_map: LogMap) -> bool:

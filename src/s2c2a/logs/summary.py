@@ -42,6 +42,7 @@ def summary(imported: Imported) -> list[str]:
         f"ones; cables of outer modules {effect} inner modules",
         f"base in the frame of the log: {_vector(rig.base)} m, "
         f"x along {_vector(rig.axes[0])}, z along {_vector(rig.axes[2])}",
+        _describe_lengths(imported),
         *describe_range(imported.episodes),
     ]
     warnings = [imported.diagnosis, imported.poor_fit]
@@ -99,6 +100,20 @@ def verdict(imported: Imported) -> str:
     }
     given = [reason for reason, why in reasons.items() if why]
     return f"usable with care ({'; '.join(given)})" if given else "usable"
+
+
+def _describe_lengths(imported: Imported) -> str:
+    fit = imported.fit
+    lengths = 1e3 * np.exp(fit.parameters.lengths)
+    deviations = lengths * fit.std.lengths if fit.std else np.full_like(lengths, np.nan)
+    modules = [
+        f"{length:.1f} +- {deviation:.1f}"
+        for length, deviation in zip(lengths, deviations, strict=True)
+    ]
+    return (
+        f"lengths: modules {', '.join(modules)} mm, in all {lengths.sum():.1f} mm; "
+        "compare them with a ruler"
+    )
 
 
 def take_summary(take: ImportedTake) -> list[str]:
