@@ -158,6 +158,16 @@ def test_a_wrong_unit_of_the_tip_is_not_taken_for_wrong_signs_or_modules(is_full
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("radius", [0.03, 0.1])
+def test_a_wrong_radius_is_not_taken_for_a_wrong_unit_alone(radius):
+    """The cables are 4.5 mm from the center line."""
+    texts = {"control_rate": f"cable_radius = {radius}\ncontrol_rate"}
+    text = real_outcome(real_map(True, texts=texts))
+    assert "for the drives, or correct arm.cable_radius; in mm" in text
+    assert "reverse" not in text
+
+
+@pytest.mark.slow
 def test_exchanged_columns_of_the_tip_are_named():
     texts = {'"tip_x", "tip_y"': '"tip_y", "tip_x"'}
     text = real_outcome(real_map(True, texts=texts))

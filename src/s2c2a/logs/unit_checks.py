@@ -56,8 +56,10 @@ def drive_unit_change(gain: float, length: float, log_map: LogMap) -> str:
     best = _better_unit(1 / gain, radii, stated, SMALLEST_RADIUS, length)
     if not best:
         return ""
+    # a radius of other cables shows alike
+    other = ", or correct arm.cable_radius" if stated else ""
     return (
-        f'write unit = "{best}" for the drives; in {unit}, the cables would be '
+        f'write unit = "{best}" for the drives{other}; in {unit}, the cables would be '
         f"{1e3 / gain:.3g} mm from the center line, not {1e3 * radii[best]:.3g} mm"
     )
 
