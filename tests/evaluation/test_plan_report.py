@@ -62,10 +62,7 @@ def test_a_target_and_a_tip_within_an_obstacle_are_named():
 
 
 @pytest.mark.parametrize("sensor", ["states", "center_line"])
-@pytest.mark.parametrize(
-    ("guard", "hint"), [("tip", ", add --guard arm to keep it out, too"), ("arm", "")]
-)
-def test_a_body_within_an_obstacle_beside_a_free_tip_is_named(sensor, guard, hint):
+def test_a_body_within_an_obstacle_beside_a_free_tip_is_named(sensor):
     """A ball of 5 cm, 1 cm beside the second module's end from the second step on."""
     end = np.array([0.0, 0.0, 0.4])
     states = np.zeros((5, 3, 6))
@@ -79,9 +76,28 @@ def test_a_body_within_an_obstacle_beside_a_free_tip_is_named(sensor, guard, hin
     columns = {"desired_positions": np.full((5, 3, 3), np.nan), "obstacles": ball}
     arm = load_arm("twin_arm")
     depth = 100 * (0.05 - 0.01 + arm.modules[1].radius)
-    assert describe_touches(made_up(5, **columns, **seen), guard) == (
-        f"the body behind the tip was up to {depth:.1f} cm within an obstacle, "
-        f"first 0.2 s after the start{hint}"
+    assert describe_touches(made_up(5, **columns, **seen)) == (
+        f"the body, which --guard arm heeds, was up to {depth:.1f} cm within an "
+        "obstacle, first 0.2 s after the start"
+    )
+
+
+def test_an_obstacle_on_the_way_to_rest_is_named():
+    """A ball of 5 cm at the third module's end at rest, which the run ends beside."""
+    states = np.zeros((5, 3, 6))
+    states[:, :, 2] = [0.2, 0.4, 0.6]
+    states[:4, -1, 0] = 0.3
+    columns = {
+        "stage": np.array([2, 2, 2, 4, 4], np.int8),
+        "desired_positions": np.full((5, 3, 3), np.nan),
+        "obstacles": np.tile([0.0, 0.0, 0.6, 0.05], (5, 1, 1)),
+        "sensor.states": states,
+    }
+    columns["obstacles"][3:] = 0.0  # of a goal without any
+    depth = 100 * (0.05 + load_arm("twin_arm").modules[2].radius)
+    assert describe_touches(made_up(5, **columns)) == (
+        f"the arm on its way to rest was up to {depth:.1f} cm within an obstacle, "
+        "first 0.4 s after the start"
     )
 
 

@@ -2,7 +2,6 @@
 
 from dataclasses import asdict, replace
 from datetime import UTC, datetime
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -381,7 +380,7 @@ def _report(runs: "Sequence[jobs.Run]", directory: Path, title: str) -> None:
     print_results(title, rows, draw_runs(directory, runs), directory)
     describe_all = (
         evaluation.describe_plans,
-        partial(evaluation.describe_touches, guard=runs[0].job.conditions.run.guard),
+        evaluation.describe_touches,
         evaluation.describe_run_saturation,
         evaluation.describe_lasting_error,
         evaluation.describe_disagreement,

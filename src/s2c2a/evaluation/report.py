@@ -19,10 +19,9 @@ from s2c2a.evaluation.metrics import body_clearances, clearances
 from s2c2a.files.text import atomic_write, write_atomically
 from s2c2a.kinematics import bends_from_configurations
 from s2c2a.measurements.frame_jumps import describe_frame_jump, find_frame_jumps
-from s2c2a.planning import SIGNIFICANT, Guard, Outcome
+from s2c2a.planning import SIGNIFICANT, Outcome
 from s2c2a.spaces import POSITION, Stage, States
 
-BODY = "the body behind the tip"
 PLAN_OUTCOMES = {
     Outcome.STALLED: "the planner stood still short of its goal",
     Outcome.OUT_OF_REACH: "the planner came no nearer to its goal",
@@ -109,13 +108,8 @@ def describe_plans(episode: Episode) -> str:
     return ", ".join(sentences)
 
 
-def describe_touches(episode: Episode, guard: Guard = "arm") -> str:
-    """Describe how far target and arm were within obstacles; empty if neither was.
-
-    Args:
-        episode: of a run.
-        guard: which points the strategy kept out of obstacles.
-    """
+def describe_touches(episode: Episode) -> str:
+    """Describe how far target and arm were within obstacles; empty if neither was."""
     if "obstacles" not in episode.columns:
         return ""
     rows = episode.ran("obstacles")
@@ -125,10 +119,16 @@ def describe_touches(episode: Episode, guard: Guard = "arm") -> str:
         tips = episode.sensor("states")[after, -1, POSITION]
         of_tip = clearances(tips, rows, episode.arm.modules[-1].radius)
         line = "center_line" if "center_line" in episode.sensors else "states"
-        points = episode.sensor(line)[after][..., POSITION]
-        of_body = body_clearances(points, rows, episode.arm)
+        points = episode.sensor(line)[..., POSITION]
+        of_body = body_clearances(points[after], rows, episode.arm)
         gaps["the tip"] = of_tip
-        gaps[BODY] = np.where(of_tip > 0.0, of_body, np.inf)
+        gaps["the body, which --guard arm heeds,"] = np.where(
+            of_tip > 0, of_body, np.inf
+        )
+        last = np.arange(max(after, default=0) + 1, len(episode))
+        if len(last):  # no strategy leads the arm to rest
+            home = body_clearances(points[last], rows[0 * last - 1], episode.arm)
+            gaps["the arm on its way to rest"] = np.append(np.inf + 0 * of_tip, home)
     sentences = []
     for name, clear in gaps.items():
         within = np.flatnonzero(clear < 0.0)
@@ -138,8 +138,6 @@ def describe_touches(episode: Episode, guard: Guard = "arm") -> str:
                 f"{name} was up to {-clear[within].min():.1f} cm within an obstacle, "
                 f"first {first:g} s after the start"
             )
-            if name == BODY and guard == "tip":
-                sentences.append("add --guard arm to keep it out, too")
     return ", ".join(sentences)
 
 

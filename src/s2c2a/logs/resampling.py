@@ -37,7 +37,7 @@ def longest_gap(take: LogTake, rows: Rows, period: float) -> float:
     if not LEAST_APART < median < MOST_APART * period:
         raise LogError(
             f"rows are {median:.3g} s apart, {median / period:.4g} control periods; "
-            'correct rows.unit, such as "ms", or arm.control_rate'
+            f'correct rows.unit, now "{rows.unit or "s"}", or arm.control_rate'
         )
     return DEFAULT_GAP * max(median, period)
 
@@ -68,7 +68,8 @@ def split_segments(take: LogTake, rows: Rows, period: float) -> list[LogTake]:
             "the clock was set back"
         )
     # of rows with the same time, the first counts
-    kept = kept[np.diff(take.time[kept], prepend=-np.inf) > 0]
+    waits = np.diff(take.time[kept], prepend=-np.inf)
+    kept = kept[waits > 0]
     known = select_rows(take, kept)
     invalid_count = np.cumsum(~valid)[kept]
     is_border = np.diff(known.time) > limit
