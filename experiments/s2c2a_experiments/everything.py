@@ -154,7 +154,8 @@ def _no_time() -> dict[str, Any]:
 @contextmanager
 def _timed(part: dict[str, Any], file: Path) -> Iterator[None]:
     """Add the time of the block to a part, and save it, however the block ends."""
-    start, processor = time.monotonic(), _processor_time()
+    start = time.monotonic()
+    processor = _processor_time()
     try:
         yield
     finally:

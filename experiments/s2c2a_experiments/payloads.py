@@ -210,5 +210,6 @@ def _rows(
     std = [float(np.nanstd(distances))]
     seeds = (networks.seed,)
     yield Row(*heading, "position", "mm", **over_seeds(mean, std), seeds=seeds)
-    payload = 1000 * float(np.mean([episode.payloads[-1] for episode in episodes]))
+    last = [episode.payloads[-1] for episode in episodes]
+    payload = 1000 * float(np.mean(last))
     yield Row(*heading, "payload", "g", **over_seeds([payload]), seeds=seeds)

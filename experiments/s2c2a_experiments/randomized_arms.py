@@ -128,10 +128,12 @@ def target_rows(run: jobs.Run, targets: TargetSequence) -> list[Row]:
     """
     count = len(targets.distances)
     tips = run.episode.after("states")[:, -1, POSITION]
-    ends = np.arange(1, count + 1) * (len(tips) // count) - 1
+    steps = len(tips) // count
+    ends = np.arange(1, count + 1) * steps - 1
     excess = errors_of(run)[ends] - 100 * targets.distances  # cm
     still_steps = np.arange(-round(STILL_TIME * run.job.arm.control_rate), 1)
-    extents = 100 * np.ptp(tips[ends[:, None] + still_steps], axis=1)
+    held = tips[ends[:, None] + still_steps]
+    extents = 100 * np.ptp(held, axis=1)
     motion = np.linalg.norm(extents, axis=-1)
     heading = jobs.Heading.of(EXPERIMENT, [run])
     rows = []

@@ -114,7 +114,8 @@ def drawn_bends(
     random: np.random.Generator,
 ) -> Float[np.ndarray, "*shapes modules 2"]:
     """Bends [rad], uniform in the discs within the limits."""
-    sizes = limits * np.sqrt(random.uniform(size=(*shape, len(limits))))
+    areas = random.uniform(size=(*shape, len(limits)))
+    sizes = limits * np.sqrt(areas)
     angles = random.uniform(0.0, 2.0 * np.pi, sizes.shape)
     return (sizes[..., None] * directions_at(angles)).astype(np.float32)
 
@@ -223,7 +224,8 @@ def _clearances(
     points: Float[Array, "points 3"], goal: Goal
 ) -> Float[Array, "points obstacles"]:
     """Distances of points from obstacles [m]; infinite for unused rows."""
-    gaps = norm(points[:, None, :] - goal.obstacles[None]) - goal.thresholds
+    away = points[:, None, :] - goal.obstacles[None]
+    gaps = norm(away) - goal.thresholds
     return jnp.where(goal.thresholds > 0.0, gaps, jnp.inf)
 
 

@@ -109,7 +109,8 @@ class KernelRegression(ReferenceModel):
         for width in KERNEL_WIDTHS:
             for ridge in RIDGES:
                 predict = _ridge_regression(inputs[0], targets[0], width, ridge)
-                error = float(np.nanmean((predict(inputs[1]) - targets[1]) ** 2))
+                missed = predict(inputs[1]) - targets[1]
+                error = float(np.nanmean(missed**2))
                 best = min(best, (error, width, ridge), key=lambda trial: trial[0])
         validated = _ridge_regression(inputs[0], targets[0], *best[1:])
         errors = validated(inputs[1]).reshape(split.validation.targets.shape)

@@ -53,7 +53,8 @@ class Hyperparameters(NamedTuple):
         xp = x.__array_namespace__()
         rates = xp.exp(self.rates)
         linear = xp.exp(self.linear) * (x @ z.T)
-        return xp.exp(self.kernel) * matern(x * rates, z * rates) + linear
+        alike = matern(x * rates, z * rates)
+        return xp.exp(self.kernel) * alike + linear
 
 
 class GaussianProcess(NamedTuple):
@@ -88,7 +89,8 @@ class GaussianProcess(NamedTuple):
         x = (inputs - self.center) / self.scale
         covariance = self.logarithms.covariance(x, self.points)
         means = covariance @ self.weights * self.spread + self.mean
-        linear = np.exp(self.logarithms.linear) * np.sum(x**2, axis=1)
+        squares = np.sum(x**2, axis=1)
+        linear = np.exp(self.logarithms.linear) * squares
         prior = np.exp(self.logarithms.kernel) + linear
         explained = solve_triangular(
             self.root, covariance.T, lower=True, check_finite=False

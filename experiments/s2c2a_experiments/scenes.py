@@ -197,7 +197,8 @@ def crossing_task(arm: ArmSpec, seed: int) -> Task:
     angle = random.uniform(0.0, 2.0 * np.pi)
     velocity = CROSSING_SPEED * np.array([np.cos(angle), np.sin(angle), 0.0])
     radius = random.uniform(*RADII) * arm.length
-    times = np.arange(1, round(CROSSING_TIME * arm.control_rate) + 1) / arm.control_rate
+    steps = round(CROSSING_TIME * arm.control_rate)
+    times = np.arange(1, steps + 1) / arm.control_rate
     target = Goal.of(arm.module_count).with_position(line[-1])
     goals = [
         target.with_obstacles([place + velocity * (time - CROSSING_TIME / 2)], [radius])
@@ -287,7 +288,8 @@ def _lines(arm: ArmSpec, corners: np.ndarray, steps: int = 12) -> np.ndarray:
     """Center lines [m] on the way over shapes, shape (shapes, points, 3)."""
     shares = np.linspace(0.0, 1.0, steps, endpoint=False)[:, None, None]
     pieces = [start + shares * (end - start) for start, end in pairwise(corners)]
-    bends = np.concatenate([*pieces, corners[-1:]]).astype(np.float32)
+    joined = np.concatenate([*pieces, corners[-1:]])
+    bends = joined.astype(np.float32)
     lengths = np.asarray(ArmGeometry.of(arm).lengths, np.float32)
     return center_line(np.asarray(_states(bends, lengths)), lengths)
 
@@ -305,7 +307,8 @@ def _solids_between(
     left = count
     for _ in range(TRIES * count):
         radius = random.uniform(*RADII) * arm.length
-        near = tips[random.integers(1, len(tips))] + random.normal(0.0, radius, 3)
+        tip = tips[random.integers(1, len(tips))]
+        near = tip + random.normal(0.0, radius, 3)
         kind = KINDS[random.integers(len(KINDS))]
         turn = Rotation.random(random_state=random)
         for share in SHRINKING:  # until it leaves room

@@ -250,7 +250,8 @@ class _TrainedArm:
 
 def _change_rows(measured: _TrainedArm, change: str, make: jobs.Make) -> Iterator[Row]:
     """Scores, model errors and warnings after a change, without and with a session."""
-    study, networks = measured.study, measured.networks
+    study = measured.study
+    networks = measured.networks
     is_repeated = change in REPEATED
     days = [
         Day.changed(change, study.seed + number, measured.arm)
@@ -297,7 +298,8 @@ def _job(
 
 def _coverage_rows(measured: _TrainedArm) -> Iterator[Row]:
     """How often the true change is within two stated deviations, by its parts."""
-    study, arm = measured.study, measured.arm
+    study = measured.study
+    arm = measured.arm
     within: dict[str, list[float]] = {}
     for number in range(study.drawn):
         day = Day.drawn(study.seed + number, arm)
@@ -309,7 +311,8 @@ def _coverage_rows(measured: _TrainedArm) -> Iterator[Row]:
         found = fit.posterior.change
         std = fit.posterior.std
         for part, true in vars(robot.change(day.softness)).items():
-            error = np.abs(np.asarray(getattr(found, part)) - np.asarray(true))
+            estimated = np.asarray(getattr(found, part))
+            error = np.abs(estimated - np.asarray(true))
             is_within = error <= 2.0 * np.asarray(getattr(std, part))
             within.setdefault(part, []).append(float(is_within.mean()))
     recipe = measured.networks.recipe.name

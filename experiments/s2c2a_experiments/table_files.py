@@ -109,7 +109,8 @@ def _markdown(
     lines: Sequence[tuple[str, ...]],
     beside: Sequence[Row],
 ) -> str:
-    seeds = ", ".join(map(str, sorted({seed for row in rows for seed in row.seeds})))
+    numbers = {seed for row in rows for seed in row.seeds}
+    seeds = ", ".join(map(str, sorted(numbers)))
     recipe = rows[0].recipe if rows else ""
     header = list(HEADER)
     header[3] = f"`{recipe}`"

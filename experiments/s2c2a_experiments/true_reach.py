@@ -167,7 +167,8 @@ class TrueReach:
     def _states_at(self, physics: np.ndarray) -> States:
         mujoco.mj_setState(self._model, self._data, physics, _PHYSICS)
         mujoco.mj_kinematics(self._model, self._data)
-        axes = self._data.site_xmat[self._ends].reshape(-1, 3, 3)[:, :, 2]
+        turns = self._data.site_xmat[self._ends]
+        axes = turns.reshape(-1, 3, 3)[:, :, 2]
         return np.concatenate([self._data.site_xpos[self._ends], axes], axis=-1)
 
     def _residuals(

@@ -25,7 +25,7 @@ HALF = 0.5 * FULL
 @jax.jit
 def judged_jit(last, planned, goal, droop=0.0):
     problem = STEP.problem(STEP.started(configurations_from_bends(last)), goal)
-    candidate = problem.candidate_at(planned)
+    candidate = problem.candidate_at(planned, problem.memory)
     lower = candidate.states.at[:, 2].add(-droop)
     situation = problem.situation._replace(goal=goal)
     return judge(candidate._replace(states=lower), situation, LENGTHS)

@@ -250,7 +250,7 @@ def test_terms_of_both_recipes_work_with_both_solvers(options):
     step = Step.of(TWIN, MODEL, options)
     problem = step.problem(step.started(BENT), a_rich_goal())
     bends = jnp.asarray(NEXT)
-    tried = problem.candidate_at(bends)
+    tried = problem.candidate_at(bends, problem.memory)
     judged = [
         [np.asarray(one) for one in term.residual(tried, problem.situation)]
         for term in options.terms

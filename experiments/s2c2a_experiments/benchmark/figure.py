@@ -103,7 +103,8 @@ def _draw_pareto(
     if partial:
         hollow: dict[str, Any] = {"color": INK, "markerfacecolor": "none"}
         axes.plot([], [], "o", markersize=5, label="not on all arms", **hollow)
-    line = np.array(sorted(points[name] for name in front)).reshape(-1, 2)
+    ends = sorted(points[name] for name in front)
+    line = np.array(ends).reshape(-1, 2)
     axes.step(
         line[:, 0],
         line[:, 1],
@@ -131,7 +132,8 @@ def _label(
 ) -> None:
     """Write the names beside the points, if possible where no point or name is."""
     figure.draw_without_rendering()  # the layout decides what overlaps
-    centers = axes.transData.transform(np.reshape([*points.values()], (-1, 2)))
+    places = np.reshape([*points.values()], (-1, 2))
+    centers = axes.transData.transform(places)
     width = POINT * figure.dpi / POINTS_PER_INCH
     taken = [Bbox([center, center]).padded(width) for center in centers]
     for name, point in points.items():

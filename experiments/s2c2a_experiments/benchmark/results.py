@@ -281,7 +281,8 @@ def cell_rows(comparison: PlannerComparison) -> list[list[str]]:
         ]
         runs = str(len(metrics["success"]))
         failed = str(len(result.failures))
-        rows.append([*result.cell.names, result.cell.arm.group, runs, failed, *means])
+        cell = result.cell
+        rows.append([*cell.names, cell.arm.group, runs, failed, *means])
     return rows
 
 

@@ -62,7 +62,8 @@ def curve_through(
     """
     knots = np.concatenate([np.zeros((1, 3)), ends])
     # ends in one place would stop the parameter
-    steps = np.maximum(np.linalg.norm(np.diff(knots, axis=0), axis=-1), 1e-6)
+    moved = np.diff(knots, axis=0)
+    steps = np.maximum(np.linalg.norm(moved, axis=-1), 1e-6)
     parameters = np.append(0.0, np.cumsum(steps))
     along_z = np.array([0.0, 0.0, 1.0])
     curve = CubicSpline(parameters, knots, bc_type=((1, along_z), (2, np.zeros(3))))

@@ -230,7 +230,8 @@ def _step_at(trace: Trace, time: float) -> int:
 def _cable_table(arm: ArmSpec, actions: np.ndarray, states: States) -> str:
     """Markdown of the tip's position and a table of the cables."""
     unit, scale = unit_of_cables(arm)
-    tip = ", ".join(f"{100 * value:.1f}" for value in states[-1, POSITION])
+    centimeters = 100 * states[-1, POSITION]
+    tip = ", ".join(f"{value:.1f}" for value in centimeters)
     rows = [
         [f"module, then cables [{unit}]", *range(1, arm.cable_count + 1)],
         ["---"] * (arm.cable_count + 1),

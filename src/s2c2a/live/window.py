@@ -165,4 +165,5 @@ def frames(period: float, closing: threading.Event) -> Iterator[float]:
         now = time.perf_counter() - start
         yield now - last
         last = now
-        number = max(number + 1, math.ceil((time.perf_counter() - start) / period))
+        elapsed = time.perf_counter() - start
+        number = max(number + 1, math.ceil(elapsed / period))

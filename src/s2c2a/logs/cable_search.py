@@ -220,7 +220,8 @@ def regress_ends(
     """
     columns = observations.columns
     ends = _measured_ends(observations)
-    across = observations.states[:, ends, :3] @ observations.axes[:, :2]
+    positions = observations.states[:, ends, :3]
+    across = positions @ observations.axes[:, :2]
     displacements = across.reshape(len(across), -1)
     if differences:
         columns = np.diff(columns, axis=0)

@@ -171,7 +171,8 @@ def missed_share(fit: CableFit, observations: Observations) -> float:
         )
     measured = observations.states[..., POSITION]
     is_seen = np.isfinite(measured[..., 0])
-    errors = np.where(is_seen[..., None], np.asarray(predicted)[..., POSITION], 0.0)
+    ends = np.asarray(predicted)[..., POSITION]
+    errors = np.where(is_seen[..., None], ends, 0.0)
     errors -= np.nan_to_num(measured)
     count = is_seen.sum(axis=1)
     squares = np.sum(errors**2, axis=(1, 2))

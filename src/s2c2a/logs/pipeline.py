@@ -827,7 +827,13 @@ def _rotation_about_z(angle: float) -> Float[np.ndarray, "3 3"]:
     """Rotation of a frame with its axes as rows."""
     cos = np.cos(angle)
     sin = np.sin(angle)
-    return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    return np.array(
+        [
+            [cos, -sin, 0.0],
+            [sin, cos, 0.0],
+            [0.0, 0.0, 1.0],
+        ]
+    )
 
 
 def _build_episodes(

@@ -165,7 +165,8 @@ def _explain(
     with_offsets = np.concatenate([derivatives, features[..., _RIGID:]], axis=-1)
     offsets, offset_error = _fit(with_offsets[known], displacements[known])
     motions = np.linalg.norm(derivatives @ offsets[:drives], axis=-1)
-    motion = np.sqrt((np.where(known, motions, 0.0) ** 2).mean(axis=0)).max()
+    seen = np.where(known, motions, 0.0)
+    motion = np.sqrt((seen**2).mean(axis=0)).max()
     return TakeChange(
         shift + turn.apply(weights[:3]),
         (turn * Rotation.from_rotvec(weights[3:_RIGID])).as_rotvec(),

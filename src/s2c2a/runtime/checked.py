@@ -172,8 +172,7 @@ class CheckedDriver(_Checked):
             )
         if not np.isfinite(desired).all():
             text = "values that are NaN or infinite; their cables hold the last command"
-            text = f"`act` of the controller {self._kind} returns {text}"
-            warnings.warn(text, stacklevel=1)
+            warnings.warn(f"`act` of {self._kind} returns {text}", stacklevel=1)
         return desired
 
     def sent(self, action: Actions) -> None:

@@ -20,7 +20,11 @@ class EmergencyStopError(S2C2AError):
 
 
 class EmergencyStop:
-    """A switch that stays on until it is reset; safe from any thread or signal."""
+    """A switch that stays on until it is reset; safe from any thread or signal.
+
+    Attributes:
+        is_triggered: whether the arm must not move; `trigger` and `reset` set it.
+    """
 
     def __init__(self) -> None:
         """A switch that is off."""

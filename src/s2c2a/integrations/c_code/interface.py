@@ -133,7 +133,8 @@ def generate(
     constant_bytes = sum(values.nbytes for values in known.values())
     includes = f'#include "{name}.h"\n#include <math.h>\n#include <stdlib.h>'
     source = [f"/* {about} */", includes, support_for(body), texts, body]
-    memory_bytes = 4 * (sum(spaces.values()) + 2 * (layout.floats + layout.integers))
+    words = sum(spaces.values()) + 2 * (layout.floats + layout.integers)
+    memory_bytes = 4 * words
     header = _header(name, about, fields, layout, spaces, command.shape)
     return Generated(header, "\n\n".join(source) + "\n", constant_bytes, memory_bytes)
 

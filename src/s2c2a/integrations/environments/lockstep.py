@@ -68,7 +68,8 @@ class Lockstep:
             for robot, force in zip(self._robots, forces, strict=True):
                 robot.apply_force(force)
             wrenches = [robot.tip_wrenches().ravel() for robot in self._robots]
-            repeated = np.repeat(np.array(wrenches)[:, None], len(self._times), axis=1)
+            once = np.array(wrenches)[:, None]
+            repeated = np.repeat(once, len(self._times), axis=1)
             kind = kind | mujoco.mjtState.mjSTATE_XFRC_APPLIED
             inputs = np.concatenate([controls, repeated], axis=-1)
         size = mujoco.mj_stateSize(self._models[0], STATE)

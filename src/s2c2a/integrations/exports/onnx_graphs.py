@@ -220,7 +220,8 @@ def add_sum_and_range(graph: Graph, layer: SumAndRange, raw: str) -> tuple[str, 
     if layer.balance is not None:
         # as `arm.geometry.raised`
         balance = np.asarray(layer.balance)
-        shares = np.where(balance > 0.0, 1.0 / np.where(balance > 0.0, balance, 1.0), 0)
+        is_used = balance > 0.0
+        shares = np.where(is_used, 1.0 / np.where(is_used, balance, 1.0), 0)
         missing = graph.add("Sub", low, command)
         missing = graph.add("Mul", missing, graph.constant(shares))
         largest = graph.add("ReduceMax", missing, graph.constant([1]))

@@ -212,7 +212,8 @@ def _shaded(triangles: Points, color: str) -> np.ndarray:
     """Colors of faces in soft light from above, 0 to 1, shape (faces, 3)."""
     edges = np.diff(triangles, axis=1)
     normals = unit(np.cross(edges[:, 0], edges[:, 1]))
-    brightness = 0.68 + 0.36 * np.clip(normals @ unit(np.array(SUN)), 0.0, 1.0)
+    lit = np.clip(normals @ unit(np.array(SUN)), 0.0, 1.0)
+    brightness = 0.68 + 0.36 * lit
     return np.clip(brightness[:, None] * to_rgb(color), 0.0, 1.0)
 
 
@@ -222,7 +223,8 @@ def _ball() -> Points:
     around = np.linspace(0.0, 2.0 * np.pi, 36, endpoint=False)
     x = np.sin(polar) * np.cos(around)
     y = np.sin(polar) * np.sin(around)
-    corners = np.stack(np.broadcast_arrays(x, y, -np.cos(polar)), axis=-1)
+    height = -np.cos(polar)
+    corners = np.stack(np.broadcast_arrays(x, y, height), axis=-1)
     return corners.reshape(-1, 3)[tube_faces(1, *x.shape)]
 
 

@@ -103,7 +103,8 @@ class DynamixelDecoder(PacketDecoder):
 
     def _unpack(self, packet: bytes) -> Instruction:
         body = unstuff(packet[_PREFIX:-2])
-        intact = crc16(packet[:-2]) == int.from_bytes(packet[-2:], "little")
+        sent = int.from_bytes(packet[-2:], "little")
+        intact = crc16(packet[:-2]) == sent
         return Instruction(packet[4], body[0], body[1:], intact)
 
 

@@ -27,7 +27,13 @@ TICKS = 10_000_000
 
 _APPLICATION = b"Emulated Motive"
 _APPLICATION_VERSIONS = {"3.1": (2, 3), "4.0": (3, 0), "4.1": (3, 1), "4.2": (3, 2)}
-_MARKERS = np.array([[0.03, 0.0, 0.0], [-0.02, 0.02, 0.0], [-0.01, -0.03, 0.0]])
+_MARKERS = np.array(
+    [
+        [0.03, 0.0, 0.0],
+        [-0.02, 0.02, 0.0],
+        [-0.01, -0.03, 0.0],
+    ]
+)
 """Positions of the markers of a body [m], frame of the body."""
 _MARKER_SIZE = 0.0095  # m
 _MARKER_ERROR = 0.0002  # m

@@ -157,7 +157,8 @@ class Winches:
         if self.layer_growth:
             # root of r n - g n^2 / 2 = length that goes to length / r for small g
             root = self.radius**2 - 2 * self.layer_growth * lengths
-            turns = 2 * lengths / (self.radius + np.sqrt(np.maximum(root, 0.0)))
+            outer = np.sqrt(np.maximum(root, 0.0))
+            turns = 2 * lengths / (self.radius + outer)
         ticks = self.directions * turns * self.ticks_per_turn
         return self.home + np.round(ticks).astype(int)
 

@@ -217,7 +217,8 @@ def second_order_response(
     lag = 1.0 / (np.pi * frequency * period)
     loss = 2.0 * damping * lag
     square = lag**2
-    denominator = [square + loss + 1.0, 2.0 - 2.0 * square, square - loss + 1.0]
+    middle = 2.0 - 2.0 * square
+    denominator = [square + loss + 1.0, middle, square - loss + 1.0]
     return lfilter([1.0, 2.0, 1.0], denominator, inputs)
 
 

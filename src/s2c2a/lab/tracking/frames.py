@@ -303,7 +303,8 @@ class _Problem:
         errors = np.hstack([np.ones((len(own), self._offset_size)), own])
         priors = np.eye(bends, self.size, self._offset_size)
         offsets = np.eye(self._offset_size, self.size).reshape(-1, 6, self.size)
-        rows = [errors, errors, priors, offsets[1:, :3].reshape(-1, self.size)]
+        moved = offsets[1:, :3].reshape(-1, self.size)
+        rows = [errors, errors, priors, moved]
         return csr_array(np.vstack(rows))
 
     def frames(self, values: np.ndarray) -> Frames:

@@ -326,7 +326,8 @@ class DynamixelBus(SerialBus):
 
     def _read_group(self, address: int, ids: list[int]) -> dict[int, bytes]:
         """Joined blocks of servos."""
-        is_joint = self._fast_read and not any(self._misses.get(id) for id in ids)
+        misses = any(self._misses.get(id) for id in ids)
+        is_joint = self._fast_read and not misses
         instruction = FAST_SYNC_READ if is_joint else SYNC_READ
         parameters = self.packets.span(Register(address, STATE_SIZE)) + bytes(ids)
         packet = self.packets.encode(BROADCAST, instruction, parameters)
@@ -395,4 +396,5 @@ def _blocks(packet: Answer, count: int) -> Iterator[tuple[int, bytes]]:
     if len(joint) != count * size:
         return
     for start in range(0, len(joint), size):
-        yield joint[start + 1], joint[start + 2 : start + 2 + STATE_SIZE]
+        begin = start + 2
+        yield joint[begin - 1], joint[begin : begin + STATE_SIZE]
