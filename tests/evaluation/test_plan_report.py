@@ -77,7 +77,7 @@ def test_a_body_within_an_obstacle_beside_a_free_tip_is_named(sensor):
     arm = load_arm("twin_arm")
     depth = 100 * (0.05 - 0.01 + arm.modules[1].radius)
     assert describe_touches(made_up(5, **columns, **seen)) == (
-        f"the body, which --guard arm heeds, was up to {depth:.1f} cm within an "
+        f"the body (see --guard arm) was up to {depth:.1f} cm within an "
         "obstacle, first 0.2 s after the start"
     )
 

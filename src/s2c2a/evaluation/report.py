@@ -122,13 +122,13 @@ def describe_touches(episode: Episode) -> str:
         points = episode.sensor(line)[..., POSITION]
         of_body = body_clearances(points[after], rows, episode.arm)
         gaps["the tip"] = of_tip
-        gaps["the body, which --guard arm heeds,"] = np.where(
-            of_tip > 0, of_body, np.inf
-        )
+        gaps["the body (see --guard arm)"] = np.where(of_tip > 0, of_body, np.inf)
         last = np.arange(max(after, default=0) + 1, len(episode))
         if len(last):  # no strategy leads the arm to rest
-            home = body_clearances(points[last], rows[0 * last - 1], episode.arm)
-            gaps["the arm on its way to rest"] = np.append(np.inf + 0 * of_tip, home)
+            beside = rows[np.full_like(last, -1)]  # the obstacles of the last goal
+            home = body_clearances(points[last], beside, episode.arm)
+            before = np.full_like(of_tip, np.inf)
+            gaps["the arm on its way to rest"] = np.append(before, home)
     sentences = []
     for name, clear in gaps.items():
         within = np.flatnonzero(clear < 0.0)
