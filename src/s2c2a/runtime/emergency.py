@@ -20,17 +20,17 @@ class EmergencyStopError(S2C2AError):
 
 
 class EmergencyStop:
-    """A switch that stays on until it is reset; safe from any thread or signal.
-
-    Attributes:
-        is_triggered: whether the arm must not move; `trigger` and `reset` set it.
-    """
+    """A switch that stays on until it is reset; safe from any thread or signal."""
 
     def __init__(self) -> None:
         """A switch that is off."""
         # no lock: a signal handler may interrupt its own thread anywhere
-        self.is_triggered = False
-        self._source = ""
+        self._source: str | None = None
+
+    @property
+    def is_triggered(self) -> bool:
+        """Whether the arm must not move."""
+        return self._source is not None
 
     def trigger(self, source: Any = "a program") -> None:
         """Stop the arm in its next control step.
@@ -39,11 +39,10 @@ class EmergencyStop:
             source: person or device that stopped the arm, for the message.
         """
         self._source = str(source)
-        self.is_triggered = True
 
     def reset(self) -> None:
         """Allow motion again, from the next opening of the robot on."""
-        self.is_triggered = False
+        self._source = None
 
     def check(self) -> None:
         """Raise an error if the arm must not move.
@@ -52,9 +51,8 @@ class EmergencyStop:
             EmergencyStopError: the stop was triggered.
         """
         if self.is_triggered:
-            raise EmergencyStopError(
-                f"emergency stop by {self._source}; free the arm, then start again"
-            )
+            text = f"emergency stop by {self._source}; free the arm, then start again"
+            raise EmergencyStopError(text)
 
 
 EMERGENCY_STOP = EmergencyStop()

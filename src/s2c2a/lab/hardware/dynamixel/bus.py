@@ -396,5 +396,5 @@ def _blocks(packet: Answer, count: int) -> Iterator[tuple[int, bytes]]:
     if len(joint) != count * size:
         return
     for start in range(0, len(joint), size):
-        begin = start + 2
-        yield joint[begin - 1], joint[begin : begin + STATE_SIZE]
+        block = joint[start : start + size]
+        yield block[1], block[2 : 2 + STATE_SIZE]
