@@ -188,7 +188,8 @@ def _fast_bends(run: jobs.Run) -> float:
 
 def _standing(run: jobs.Run) -> float:
     """Share of the steps in which the goal moves and the plan does not [%]."""
-    steps = np.abs(np.diff(_planned(run), axis=0)).max(axis=-1)
+    changes = np.diff(_planned(run), axis=0)
+    steps = np.abs(changes).max(axis=-1)
     desired = run.job.task.desired_positions()[:, -1]
     moves = np.linalg.norm(np.diff(desired, axis=0), axis=-1) > MOVING
     count = min(len(steps), len(moves))

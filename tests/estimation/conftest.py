@@ -22,6 +22,7 @@ def at_rest():
             bend_biases=jnp.zeros_like(bends),
             tensions=jnp.full((arm.module_count, arm.cable_count), 5.0),
             past_bends=jnp.broadcast_to(bends, (HISTORY, *bends.shape)),
+            past_sensed=jnp.broadcast_to(bends, (HISTORY, *bends.shape)),
             past_states=jnp.broadcast_to(states, (HISTORY, *states.shape)),
             bias_change=jnp.zeros((HISTORY, *bends.shape)),
         )

@@ -1,4 +1,4 @@
-"""Bend biases learned over the shape: agreement, payload, forgetting, and few fits."""
+"""Bend biases learned over the shape: agreement, payload and forgetting."""
 
 from functools import partial
 
@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from s2c2a.estimation.bias_field import (
-    FIT_INTERVAL,
     LENGTH,
     MEMORY,
     PICTURES,
@@ -25,14 +24,12 @@ at = jax.jit(BiasField.at)
 
 
 def taught(shapes, caused, by_payload=NONE, field=None) -> BiasField:
-    """A field after a picture of every shape, and the wait for the last fit."""
+    """A field after a picture of every shape."""
     field = BiasField.empty(2) if field is None else field
-    for row, shape in enumerate(shapes):
+    for shape in shapes:
         field = field.aged(PERIOD)
         biases = caused(shape) if callable(caused) else caused
         slope = by_payload(shape) if callable(by_payload) else by_payload
-        if row == len(shapes) - 1:
-            field = field._replace(waited=jnp.float32(2.0 * FIT_INTERVAL))
         field = add(field, jnp.asarray(shape), biases, slope, jnp.float32(0.0))
     return field
 
@@ -75,18 +72,6 @@ def test_a_payload_is_left_to_the_payload():
     assert largest < 0.3 * 0.05
 
 
-def test_it_changes_only_some_time_after_the_last_fit():
-    field = BiasField.empty(2)
-    values = []
-    for _ in range(60):
-        field = field.aged(PERIOD)
-        field = add(field, jnp.zeros(2), BIASES, NONE, jnp.float32(0.0))
-        values.append(float(at(field, jnp.zeros(2))[0]))
-    changes = np.flatnonzero(np.abs(np.diff(values)) > 1e-4)
-    assert len(changes) == 60 * PERIOD // FIT_INTERVAL
-    assert np.diff(changes).min() * PERIOD >= FIT_INTERVAL
-
-
 def test_old_pictures_are_forgotten():
     field = taught(circle(), BIASES)
     old = at(field.aged(3.0 * MEMORY), jnp.array([0.5, 0.0]))
@@ -117,5 +102,4 @@ def test_a_known_payload_is_no_bias():
             jnp.float32(0.0),
             PayloadPrior(known, 0.1),
         )
-    assert float(field.waited) < FIT_INTERVAL  # it was fitted
     assert np.abs(at(field, jnp.zeros(2))).max() < 1e-5

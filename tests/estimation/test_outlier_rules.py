@@ -18,7 +18,7 @@ from s2c2a.spaces import NOISE_LIMIT
 
 PERIOD = 0.1
 PRESENT = jnp.array([True, True])
-HEARD = SensorHistory.none(2)._replace(usual=jnp.zeros(2))
+HEARD = SensorHistory.none(2)._replace(usual=jnp.zeros((2, 2)))
 TRUE = jnp.asarray(True)
 FALSE = jnp.asarray(False)
 
@@ -65,6 +65,17 @@ def test_rule_2_a_residual_that_leaves_its_average_is_a_fault(residual, is_fault
     assert (rejection([residual, 0.0], max_change=0.3) > 0.0) is is_fault
     one = jnp.array([False, True])
     assert rejection([residual, 0.0], present=one, max_change=0.3) == 0.0
+
+
+def test_rule_2_a_model_that_jumps_is_no_fault_of_the_sensor():
+    jump = [1.0, 0.0]
+    for by_encoders, is_fault in (
+        (jump, True),
+        ([0.0, 1.0], False),
+        ([0.0, 0.0], False),
+    ):
+        seen = {"beside_encoders": jnp.array(by_encoders), "max_change": 0.3}
+        assert (rejection(jump, **seen) > 0.0) is is_fault
 
 
 def test_rule_2_a_measurement_that_cannot_be_is_a_fault():

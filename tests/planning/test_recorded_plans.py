@@ -22,7 +22,7 @@ from s2c2a.strategies.options import RunOptions
 from marks import slow_after
 
 FILE = Path(__file__).with_name("recorded_plans.npz")
-LOAD = EstimationSettings(known_payload=0.05)
+LOAD = EstimationSettings(known_payload=0.02)
 PROBLEMS = {
     "reach": ("twin_arm", RunOptions(guard="arm")),  # past two obstacles, with a guide
     "circle": ("twin_arm", RunOptions()),

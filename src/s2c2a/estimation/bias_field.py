@@ -8,10 +8,6 @@ Kernel recursive least-squares tracker for time-varying regression, IEEE Transac
 Neural Networks and Learning Systems 23(8), 2012). The payload is a basis function of the
 process with a prior of its own (Rasmussen and Williams, Gaussian Processes for Machine
 Learning, 2006, sec. 2.7).
-
-Plans follow the biases, and a change of plan shakes the arm. If every picture changed
-them, a loaded arm would sway for ever. So the process is fitted anew only after the
-vibration of the last fit has decayed.
 """
 
 from typing import NamedTuple
@@ -26,11 +22,6 @@ PICTURES = 256
 """Newest pictures that count; their covariance is factorized in half a millisecond."""
 INTERVAL = 0.19
 """Least time between them [s]: at 5 Hz, 256 pictures are 51 s, three of the circles."""
-FIT_INTERVAL = 4.0
-"""Time from fit to fit [s], in which the vibration of a loaded arm decays.
-
-With fits at every picture, the tip of `twin_arm` sways by centimeters under 100 g.
-"""
 MEMORY = 600.0  # s, of the biases: wear and creep take minutes
 LENGTH = 0.8
 """Distance of shapes [rad] over which biases are alike.
@@ -79,41 +70,32 @@ class PayloadPrior(NamedTuple):
 
 
 class BiasField(NamedTuple):
-    """Pictures so far, and the process of the last fit.
+    """Pictures so far, and the process fitted to them.
 
     Attributes:
         pictures: so far.
-        bends: sensed bends of the fitted pictures [rad], shape (pictures, bends).
-        ages: time since these were taken [s], shape (pictures,).
         weights: of the covariance with each of these [rad], shape (pictures, bends).
-        waited: time since the last fit [s].
     """
 
     pictures: Pictures
-    bends: PictureBends
-    ages: Float[Array, " pictures"]
     weights: PictureBends
-    waited: Scalar
 
     @classmethod
     def empty(cls, bends: int) -> "BiasField":
         """The field before the first picture: zero."""
         zeros = jnp.zeros((PICTURES, bends))
-        ages = jnp.full(PICTURES, NONE)
-        pictures = Pictures(zeros, zeros, zeros, ages)
-        return cls(pictures, zeros, ages, zeros, jnp.zeros(()))
+        return cls(Pictures(zeros, zeros, zeros, jnp.full(PICTURES, NONE)), zeros)
 
     def at(self, bends: FlatBends) -> FlatBends:
         """Expected bend biases at sensed bends [rad]."""
-        covariance = _covariance(bends[None], jnp.zeros(1), self.bends, self.ages)
+        known = self.pictures.bends, self.pictures.ages
+        covariance = _covariance(bends[None], jnp.zeros(1), *known)
         return covariance[0] @ self.weights
 
     def aged(self, time: float) -> "BiasField":
         """The field after some time [s]."""
-        pictures = self.pictures._replace(ages=self.pictures.ages + time)
-        return self._replace(
-            pictures=pictures, ages=self.ages + time, waited=self.waited + time
-        )
+        ages = self.pictures.ages + time
+        return self._replace(pictures=self.pictures._replace(ages=ages))
 
     def with_picture(
         self,
@@ -123,7 +105,7 @@ class BiasField(NamedTuple):
         age: Scalar,
         prior: PayloadPrior,
     ) -> "BiasField":
-        """The field with one more picture in place of the oldest, fitted if it is time.
+        """The field with one more picture in place of the oldest.
 
         Args:
             bends: sensed when it was taken [rad].
@@ -137,14 +119,12 @@ class BiasField(NamedTuple):
         pictures = jax.tree.map(
             lambda values, value: values.at[oldest].set(value), self.pictures, newest
         )
-        kept = self._replace(pictures=pictures)
-        return jax.lax.cond(
-            self.waited > FIT_INTERVAL, lambda: kept._fitted(prior), lambda: kept
-        )
+        return BiasField.fitted(pictures, prior)
 
-    def _fitted(self, prior: PayloadPrior) -> "BiasField":
-        """The field fitted to its pictures: generalized least squares for the payload."""
-        bends, caused, by_payload, ages = self.pictures
+    @classmethod
+    def fitted(cls, pictures: Pictures, prior: PayloadPrior) -> "BiasField":
+        """The field of pictures: generalized least squares for the payload."""
+        bends, caused, by_payload, ages = pictures
         covariance = _covariance(bends, ages, bends, ages)
         noise = (NOISE / STD) ** 2 * jnp.eye(PICTURES)
         root = jnp.linalg.cholesky(covariance + noise)
@@ -155,7 +135,7 @@ class BiasField(NamedTuple):
         information = jnp.sum(by_payload * base_weights) + (STD / prior.std) ** 2
         payload = jnp.sum(by_payload * weights) / information
         weights = weights - payload * base_weights
-        return BiasField(self.pictures, bends, ages, weights, jnp.zeros(()))
+        return cls(pictures, weights)
 
 
 def _covariance(

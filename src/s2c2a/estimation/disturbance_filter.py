@@ -201,6 +201,7 @@ class DisturbanceFilter(eqx.Module):
                 bend_biases=state.disturbances.bend_biases,
                 tensions=tensions,
                 past_bends=state.past_bends,
+                past_sensed=state.past_sensed,
                 past_states=state.past_states,
                 bias_change=caused - state.past_disturbance_bends,
                 lag=state.histories[number].lag,

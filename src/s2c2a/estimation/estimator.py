@@ -254,7 +254,12 @@ class EncoderOnly(EstimatorOptions):
     supports = frozenset({"known_payload"})
 
     def build(
-        self, arm, configuration_map, model, networks, settings
+        self,
+        arm: ArmSpec,
+        configuration_map: ConfigurationMap,
+        model: ForwardModel,
+        networks: Mapping[str, Any],
+        settings: EstimationSettings,
     ) -> EncoderEstimator:
         """See `EstimatorOptions`.
 

@@ -27,14 +27,14 @@ class SensorHistory(NamedTuple):
     """A sensor's past.
 
     Attributes:
-        usual: slow average of its residual against encoders and payload; `LARGEST`
-            before the first measurement.
+        usual: slow averages of its residuals against encoders and payload, and against
+            encoders alone, shape (2, values); `LARGEST` before the first measurement.
         unseen_for: time since the last measurement [s].
         rejected_for: remaining time of rejection [s].
         lag: memory of its hysteresis (`SensorModel.initial_lag`).
     """
 
-    usual: Values
+    usual: Float[Array, "2 values"]
     unseen_for: Scalar
     rejected_for: Scalar
     lag: Numbers
@@ -43,7 +43,7 @@ class SensorHistory(NamedTuple):
     def none(cls, values: int, lag: Numbers = EMPTY) -> "SensorHistory":
         """The past of a sensor that has not measured yet."""
         # with its type: a weak one would change at the first update, and compile anew
-        usual = jnp.full(values, LARGEST, jnp.float32)
+        usual = jnp.full((2, values), LARGEST, jnp.float32)
         return cls(usual, jnp.zeros(()), jnp.zeros(()), lag)
 
 
@@ -92,11 +92,16 @@ def judged(
     """
     is_present = compared.is_present
     elapsed = history.unseen_for + period
-    residual = compared.unexplained + compared.by_biases
+    by_model = compared.unexplained + compared.by_biases
+    by_encoders = compared.innovation.beside_encoders
+    by_encoders = by_model if by_encoders is None else by_encoders
+    residual = jnp.stack([by_model, by_encoders])
     start = jnp.where(history.usual == LARGEST, residual, history.usual)
     share = jnp.minimum(elapsed / SLOW_AVERAGING_TIME, 1.0)
     usual = start + share * (residual - start)
-    has_left = abs(residual - usual) > compared.innovation.max_change
+    # by both: with several equilibria, the model jumps while the arm and its sensor do not
+    change = abs(residual - usual)
+    has_left = (change > compared.innovation.max_change).all(axis=0)
     is_outlier = is_outlier | (is_present & has_left).any()
     remaining = jnp.maximum(history.rejected_for - period, 0.0)
     return SensorHistory(

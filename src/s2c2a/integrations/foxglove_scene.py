@@ -136,7 +136,8 @@ def _vector(values: np.ndarray) -> Any:
 
 
 def _points(values: np.ndarray) -> list:
-    return [messages.Point3(x=x, y=y, z=z) for x, y, z in values.tolist()]
+    rows = values.tolist()
+    return [messages.Point3(x=x, y=y, z=z) for x, y, z in rows]
 
 
 def _color(color: str, opacity: float = 1.0) -> Any:

@@ -844,9 +844,8 @@ def _build_episodes(
     log_map: LogMap,
 ) -> tuple[Episode, ...]:
     """Episodes from segments, with states in the frame of the log."""
-    split = np.split(
-        rig.in_base(states), np.cumsum([len(segment) for segment in segments])[:-1]
-    )
+    ends = np.cumsum([len(segment) for segment in segments])
+    split = np.split(rig.in_base(states), ends[:-1])
     return tuple(
         _build_episode(segment, rows, arm, rig, log_map)
         for segment, rows in zip(segments, split, strict=True)

@@ -62,7 +62,8 @@ def _values_where_straight(
     rest = np.nanmedian(positions[is_straight], axis=0)
     ends = (positions - rest).reshape(len(positions), -1)
     ends = ends[:, np.isfinite(rest).ravel()]
-    known = np.isfinite(ends).all(axis=1) & np.isfinite(values).all(axis=1)
+    known = np.isfinite(ends).all(axis=1)
+    known &= np.isfinite(values).all(axis=1)
     features = np.column_stack([np.ones(known.sum()), ends[known]])
     return np.linalg.lstsq(features, values[known])[0][0]
 

@@ -174,7 +174,8 @@ def _join_by_key(tables: Sequence[Table], key: str) -> Table:
                 f"{table.path} lacks the column '{key}' that joins the files"
             )
         keys = table.numbers[key]
-        if len(np.unique(keys)) < len(keys) or np.isnan(keys).any():
+        is_blank = np.isnan(keys).any()
+        if is_blank or len(np.unique(keys)) < len(keys):
             raise LogError(
                 f"{table.path}: '{key}' has blank or duplicate values; "
                 "each row needs its own number"

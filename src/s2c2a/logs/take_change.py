@@ -138,7 +138,8 @@ def find_change(
     seen = np.isfinite(first_positions).all(axis=-1).sum(axis=0)
     terms = quadratic_terms(first_flat[:1]).shape[1]
     displacements[:, seen < terms] = np.nan
-    if np.isfinite(displacements).all(axis=-1).any(axis=1).sum() < MIN_ROWS:
+    is_known = np.isfinite(displacements).all(axis=-1)
+    if is_known.any(axis=1).sum() < MIN_ROWS:
         return None
     return _explain(
         places, derivatives(flat[similar]), displacements, extrapolated, arm

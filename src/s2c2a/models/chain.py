@@ -2,9 +2,9 @@
 
 The forward model of the recipe `best`. From the planned configuration it computes what
 the cables transmit (`Hysteresis`), then the bends at which the modules are in
-equilibrium (`bend_at_rest`), then the states along the chain of arcs. A small network
-adds what this structure leaves out: moments of gravity, bends and end points that arcs
-do not have.
+equilibrium under their weights (`bend_at_rest`), then the states along the chain of arcs.
+A small network adds what this structure leaves out: moments, bends and end points that
+arcs do not have.
 """
 
 from dataclasses import replace
@@ -92,17 +92,13 @@ class ChainC2S(ForwardModel):
         taut or slack.
         """
         inputs = self.inputs(self.body.displacements(configurations), memory)
-        moments_of = self._moments_of
-        unloaded, lengths, _corrections = self._at_rest(inputs)
-        own_moments = moments_of(self.body.weights, unloaded.bends, lengths)
 
         def iterate(_: int, last: tuple[Array, Array]) -> tuple[Array, Array]:
             loaded, lengths, _corrections = self._at_rest(inputs, last[0])
-            per_kg = moments_of(self._tip_mass, loaded.bends, lengths)
-            sagging = moments_of(self.body.weights, loaded.bends, lengths) - own_moments
-            return sagging + disturbances.payload * per_kg, per_kg
+            per_kg = self._moments_of(self._tip_mass, loaded.bends, lengths)
+            return disturbances.payload * per_kg, per_kg
 
-        first = (before.moments, jnp.zeros_like(own_moments))
+        first = (before.moments, jnp.zeros_like(before.moments))
         moments, per_kg = jax.lax.fori_loop(0, PAYLOAD_ITERATIONS, iterate, first)
         return disturbances._replace(moments=moments, moments_per_kg=per_kg)
 
@@ -119,31 +115,22 @@ class ChainC2S(ForwardModel):
         if disturbances.moments is None:
             return disturbances
         inputs = self.inputs(self.body.displacements(configurations), memory)
-        unloaded = self._at_rest(inputs)[0].bends
         loaded, lengths, _corrections = self._at_rest(inputs, disturbances.moments)
-        size = unloaded.size
+        identity = jnp.eye(loaded.bends.size)
 
         def slopes(function, at: Array) -> Float[Array, "bends bends"]:
-            return jax.jacfwd(function)(at).reshape(size, size)
-
-        def own_moments(bends: Array) -> Array:
-            return self._moments_of(self.body.weights, bends, lengths)
-
-        def all_moments(bends: Array) -> Array:
-            per_kg = self._moments_of(self._tip_mass, bends, lengths)
-            return own_moments(bends) + disturbances.payload * per_kg
+            return jax.jacfwd(function)(at).reshape(identity.shape)
 
         compliance = slopes(
             lambda moments: self._at_rest(inputs, moments)[0].bends,
             disturbances.moments,
         )
-        sagging = compliance @ slopes(all_moments, loaded.bends)
-        # the model's network knows the moments of the arm's own weight
-        known = compliance @ slopes(own_moments, unloaded)
-        identity = jnp.eye(size)
+        per_kg = slopes(
+            lambda bends: self._moments_of(self._tip_mass, bends, lengths), loaded.bends
+        )
         matrix = identity
         for _ in range(PAYLOAD_ITERATIONS):
-            matrix = identity - known + sagging @ matrix
+            matrix = identity + disturbances.payload * compliance @ per_kg @ matrix
         return disturbances._replace(gains=LoadGains(loaded.bends, matrix))
 
     @property
@@ -232,8 +219,14 @@ class ChainC2S(ForwardModel):
         if not self.statics:  # a linear map of the bends
             own = self.body.bends(transmitted)
             mixed = (own.reshape(*own.shape[:-2], -1) @ self.mixing).reshape(own.shape)
-            compliance = (self.body.taut_compliances / self.body.compliances)[:, None]
-            bends = self.body.softness[:, None] * (mixed + compliance * moments)
+            shares = (self.body.taut_compliances / self.body.compliances)[:, None]
+
+            def own(bends: Bends) -> Bends:
+                return self._moments_of(self.body.weights, bends, self.body.lengths)
+
+            # the map knows the weights of an arm without payload, not how they sag under it
+            sagging = own(mixed + shares * moments) - own(mixed)
+            bends = self.body.softness[:, None] * (mixed + shares * (moments + sagging))
             zeros = jnp.zeros_like(bends)
             pulls = jnp.zeros_like(transmitted)
             rest = StaticState(
@@ -251,7 +244,9 @@ class ChainC2S(ForwardModel):
         def sweep(state: tuple[StaticState, Array], number: Array):
             rest, corrections = state
             is_loaded = number >= SWEEPS
-            load = corrections[..., :2] + jnp.where(is_loaded, moments, 0.0)
+            lengths = self.body.lengths - self.body.radii * rest.shortening
+            own = self._moments_of(self.body.weights, rest.bends, lengths)
+            load = own + corrections[..., :2] + jnp.where(is_loaded, moments, 0.0)
             rest = self.equilibrium.sweep(
                 transmitted,
                 softness * (relaxation + load),

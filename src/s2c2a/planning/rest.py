@@ -43,7 +43,7 @@ class Rest(NamedTuple):
         step: longest change of a module's bend in a control step [rad].
         trust: in commands: share of the gap that they may take; doubled by each window
             that narrows the smallest gap, halved by each in which the arm moved another
-            way, and a little less after each in which it did not.
+            way.
         fresh: trust in commands to a gap that is new; halved by each, so that no fast
             sway goes on for ever; regained in time, or at the goal.
         is_slow: whether the goal rests, and the plan has arrived or had its time.
@@ -139,7 +139,7 @@ class Rest(NamedTuple):
         narrows = gap < (1.0 - FALL) * self.smallest
         # in its direction, within 60 deg: backlash takes up commands that move nothing
         stays = jnp.sum(mean * self.before) > 0.5 * gap * jnp.linalg.norm(self.before)
-        change = jnp.where(narrows, 2.0, jnp.where(stays, 1.0 - FALL, 0.5))
+        change = jnp.where(narrows, 2.0, jnp.where(stays, 1.0, 0.5))
         trust = jnp.minimum(change * self.trust, self.fresh)
         trust = jnp.maximum(jnp.where(is_new, self.fresh, trust), STILL)
         comes_back = is_new & jnp.isfinite(self.smallest)

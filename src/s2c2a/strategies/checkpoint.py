@@ -30,7 +30,7 @@ from s2c2a.training import FromArm
 
 SHIPPED = "shipped"
 """Name of the networks of the package in place of a file."""
-SCHEMA = 6  # of the format; another number is another format
+SCHEMA = 7  # of the format; another number is another format
 METADATA = "s2c2a"
 DIGEST = "digest"
 NO_DIGEST = "0" * 64  # as long as a digest of 32 bytes, in hexadecimal digits

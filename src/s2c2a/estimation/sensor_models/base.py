@@ -34,6 +34,7 @@ class ExpectedState(NamedTuple):
             cables); NaN if the forward model does not predict them.
         past_bends: bends of the last control steps, newest first [rad], shape (steps,
             modules, 2).
+        past_sensed: those of the encoders alone, likewise.
         past_states: states of the same steps, shape (steps, modules, 6).
         bias_change: change of the estimated disturbance bends since each of these steps
             [rad], shape (steps, modules, 2).
@@ -44,6 +45,7 @@ class ExpectedState(NamedTuple):
     bend_biases: ModuleBends
     tensions: Float[Array, "modules cables"]
     past_bends: PastBends
+    past_sensed: PastBends
     past_states: Float[Array, "steps modules 6"]
     bias_change: PastBends
     lag: Numbers = EMPTY
@@ -57,8 +59,10 @@ class Innovation(NamedTuple):
             shape (values,).
         jacobian: derivative of the prediction by the bends, shape (values, 2 modules).
         std: standard deviation of the measurement noise, shape (values,).
-        max_change: a residual that differs more from its slow average is a fault of the
+        max_change: residuals that differ more from their slow averages are a fault of the
             sensor, shape () or (values,); negative where the measurement itself is one.
+        beside_encoders: measured less what encoders alone predict, shape (values,); None
+            where they predict nothing.
         lag: memory of the sensor's hysteresis after this measurement.
         age: time since the measurement was taken [s].
     """
@@ -67,6 +71,7 @@ class Innovation(NamedTuple):
     jacobian: Float[Array, "values bends"]
     std: Values
     max_change: float | Float[Array, "..."] = np.inf
+    beside_encoders: Values | None = None
     lag: Numbers = EMPTY
     age: float | Scalar = 0.0
 

@@ -79,12 +79,15 @@ class CameraSensor(SensorModel):
         max_change = MAX_CHANGE * jnp.sum(self.lengths)
         beyond = jnp.linalg.norm(seen, axis=-1) - jnp.cumsum(self.lengths)
         is_usable &= ~(beyond > max_change).any()
-        residual = seen.reshape(-1) - arcs - correction
+        positions = seen.reshape(-1)
+        residual = positions - arcs - correction
+        sensed = interpolated(expected.past_sensed, steps).reshape(-1)
         return Innovation(
             jnp.where(is_usable, residual, jnp.nan),
             jacobian,
             jnp.full(arcs.shape, self.std),
             max_change=max_change,
+            beside_encoders=positions - self._end_positions(sensed),
             age=age,
         )
 

@@ -287,8 +287,9 @@ int {name}_step({name}_memory *memory, const {name}_input *input,
 
 def _default(field: Field, values: np.ndarray) -> str:
     """Statements that set a member to its values."""
-    if (values == values.flat[0]).all() or np.isnan(values).all():
-        value = literal(values.flat[0].item())
+    first = values.flat[0]
+    if (values == first).all() or np.isnan(values).all():
+        value = literal(first.item())
         start = f"    {field.kind} *{field.name} = {field.pointer('input')};\n"
         loop = f"    for (int i = 0; i < {values.size}; i++) {field.name}[i] = {value};"
         return start + loop
