@@ -62,7 +62,7 @@ def test_an_obstacle_has_a_clearance(capsys):
     line = "--target 0 0 0.6 --obstacle 0 0 0.3 0.08 --obstacle 0.3 0 0.3 0.02"
     printed = said(capsys, line)
     assert "the tip does not reach" in printed
-    assert "clearance of the center line from the obstacles" in printed
+    assert "clearance of the body from the obstacles" in printed
 
 
 def test_a_path_has_its_parts_out_of_reach_in_a_table(path, capsys):
@@ -122,7 +122,7 @@ def test_a_payload_in_grams_is_warned_of(seed, twin):
         with warnings.catch_warnings(record=True) as said:
             SimulatedRobot(arm, payload=payload)
         assert len(said) == (payload == 20.0)
-    assert "--known-payload are in kg, --payload-g is in g" in str(said[0].message)
+    assert "check its unit" in str(said[0].message)
 
 
 def test_the_arm_is_that_of_the_weights_unless_another_is_given(

@@ -100,8 +100,11 @@ def test_a_length_that_small_bends_do_not_show_is_no_silent_verdict(write, lengt
     text = log_map("mm", '[frame]\nalong = "x"\n', f"length = {length}\n")
     imported = import_logs([path], text)
     assert "not determined by this log: " in verdict(imported)
-    assert "arm.length" in verdict(imported)
-    assert "check this on the arm" in "\n".join(summary(imported))
+    assert verdict(imported).count("arm.length") == 1
+    said = "\n".join(summary(imported))
+    for factor in (0.8, 1.2):
+        assert f"arm.length: {factor} times as long" in said
+    assert "check this on the arm" in said
 
 
 # places of the cables of opencr_v4, as `import` identifies them

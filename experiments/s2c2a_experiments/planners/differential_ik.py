@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from s2c2a.arm import ArmGeometry, ArmSpec
+from s2c2a.arm.geometry import directions_at
 from s2c2a.execution.compilation import compiled
 from s2c2a.goals import Goal
 from s2c2a.integrations.extras import needs_extra
@@ -108,7 +109,7 @@ class ProgramPlanner:
         # normals of the sides of every module's polygon, shape (sides modules, 2 modules)
         sides = np.arange(SIDES)
         angles = 2.0 * np.pi * sides / SIDES
-        normals = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+        normals = directions_at(angles)
         self._normals = np.kron(np.eye(modules), normals)
         neighbors = np.diff(np.eye(modules), axis=0)
         differences = np.kron(neighbors, np.eye(2))

@@ -533,7 +533,7 @@ def warn_of_payload(payload: float, arm: ArmSpec) -> None:
     """Warn of a payload [kg] that is far heavier than the arm."""
     if payload > HEAVIEST * arm.mass:
         warnings.warn(
-            f"a payload of {payload:g} kg hangs at '{arm.name}' of {arm.mass:.3g} kg; "
-            "--payload and --known-payload are in kg, --payload-g is in g",
+            f"a payload of {payload:g} kg, {1000 * payload:g} g, hangs at '{arm.name}' "
+            f"of {arm.mass:.3g} kg; check its unit",
             stacklevel=2,
         )

@@ -233,7 +233,7 @@ def _print_target(goal: "Goal", reached: "Reached", arm: "ArmSpec") -> None:
         print(f"standard deviation of the tip by the model: {_centimeters(std)}")
     if np.isfinite(reached.clearances[0]):
         clearance = _centimeters(reached.clearances[0])
-        print(f"clearance of the center line from the obstacles: {clearance}")
+        print(f"clearance of the body from the obstacles: {clearance}")
     agreeing = round(STARTS * reached.agreeing[0])
     print(f"{agreeing} of {STARTS} starts of the search end as near")
     rows = []

@@ -141,10 +141,8 @@ def _solve(taut, stiffness, directions, pulls):
 
 def tilt_rotation(tilt: Numbers) -> Float[Array, "3 3"]:
     """Small rotation about x and y, as a Cayley transform."""
-    about_x = jnp.array([[0.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-    about_y = jnp.array([[0.0, 0.0, 1.0], [0.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
-    skew = about_y * tilt[1] + about_x * tilt[0]
     identity = jnp.eye(3)
+    skew = jnp.cross(jnp.append(tilt, 0.0), identity).T
     return jnp.linalg.solve(identity - skew / 2, identity + skew / 2)
 
 

@@ -19,7 +19,7 @@ from s2c2a.logs.take import unit_vector
 # above the error of identified angles (15 deg in tests); a third of a right angle, by
 # which frames and cables are confused
 TOLERANCE_DEG = 30.0
-LONGER = 1.2  # an error of the length that is to be noticed
+OTHER_LENGTHS = 1.2, 0.8  # times the stated ones: errors that are to be noticed
 PLACE = ("module", "angle_deg")  # keys of a drive
 AXES = ("x", "y", "z", "-x", "-y", "-z")
 Change = tuple[str, LogMap]
@@ -342,13 +342,13 @@ def unstated_sizes(log_map: LogMap) -> LogMap:
     return _with(changed, arm=arm, frame=_with(log_map.frame, base=None))
 
 
-def longer_arm(log_map: LogMap) -> Change:
-    """Clause, and the map of an arm that is longer by a fifth, if its length is stated."""
+def other_length(log_map: LogMap, factor: float) -> Change:
+    """Clause, and the map of an arm so many times as long, if its length is stated."""
     arm = log_map.arm
-    length = arm.length and LONGER * arm.length
-    lengths = arm.lengths and tuple(LONGER * each for each in arm.lengths)
-    longer = _with(arm, length=length, lengths=lengths)
-    return f"state an arm {LONGER:g} times as long", _with(log_map, arm=longer)
+    length = arm.length and factor * arm.length
+    lengths = arm.lengths and tuple(factor * each for each in arm.lengths)
+    other = _with(arm, length=length, lengths=lengths)
+    return f"state an arm {factor:g} times as long", _with(log_map, arm=other)
 
 
 def other_commands(log_map: LogMap) -> Change:

@@ -25,15 +25,15 @@ from s2c2a.logs.errors import LogError
 from s2c2a.logs.frame_motion import FrameMotion, find_frame_motions
 from s2c2a.logs.log_map import LogMap
 from s2c2a.logs.map_changes import (
-    LONGER,
+    OTHER_LENGTHS,
     Change,
     Identified,
     contradicts_angles,
     describe_angles,
     find_changes,
-    longer_arm,
     other_commands,
     other_directions,
+    other_length,
     reversed_drives,
     reversed_modules,
     settled_rows,
@@ -416,17 +416,9 @@ class _Explanation:
         free = unstated_angles(log_map)
         if free == log_map:
             return
-        for takes, rests in self._rested(free):
-            try:
-                fitted = _fit_takes(takes, rests, free, quiet)
-            except S2C2AError:
-                continue
-            fit = fitted.fit
-            observations = fitted.observations
-            found = Identified.of(fit, fitted.assignment, observations.axes)
-            missed = missed_share(fit, observations)
-            for clause in find_changes(found, log_map):
-                self._adds(clause, _cost(fitted), missed)
+        for fit in self._fits(free):
+            for clause in find_changes(fit.found, log_map):
+                self._adds(clause, fit.cost, fit.missed)
 
     def _sizes(self, log_map: LogMap) -> None:
         """Try the unit in which the sizes that the log shows without any are possible.
@@ -439,19 +431,22 @@ class _Explanation:
             scale = free_scale(ends)
         except LogError:
             return
+        for fit in self._fits(free, scale):
+            self._adds_unit(fit, log_map)
+
+    def _fits(self, free: LogMap, scale: float = 1.0) -> Iterator[FreeFit]:
+        """Fits of a map to ends divided by a scale, from each rest that it allows."""
         for takes, rests in self._rested(free):
             scaled = [replace(take, positions=take.positions / scale) for take in takes]
             try:
                 fitted = _fit_takes(scaled, rests, free, quiet)
             except S2C2AError:
                 continue
-            fit = fitted.fit
             observations = fitted.observations
             axes = observations.axes
-            found = Identified.of(fit, fitted.assignment, axes, scale)
-            missed = missed_share(fit, observations)
-            cost = _cost(fitted) * scale**2
-            self._adds_unit(FreeFit(found, missed, cost), log_map)
+            found = Identified.of(fitted.fit, fitted.assignment, axes, scale)
+            missed = missed_share(fitted.fit, observations)
+            yield FreeFit(found, missed, _cost(fitted) * scale**2)
 
     def _adds_unit(self, free: FreeFit, log_map: LogMap) -> bool:
         """Add another unit alone: sizes show it where no fit does."""
@@ -599,9 +594,10 @@ def _describe(fitted: _Fitted, log_map: LogMap, arm: ArmSpec | None) -> Imported
         held = with_assignment(log_map, assignment)
         length = "arm.length" if log_map.arm.length else "arm.lengths"
         doubts = {
-            "signs of all drives: reversed": reversed_drives(held),
-            f"{length}: {LONGER:g} times as long": longer_arm(held),
+            f"{length}: {factor:g} times as long": other_length(held, factor)
+            for factor in OTHER_LENGTHS
         }
+        doubts["signs of all drives: reversed"] = reversed_drives(held)
         if any(drive.module is not None for drive in log_map.drives):
             doubts["order of modules: reversed"] = reversed_modules(log_map)
         directions = _shown_directions(fitted.takes, held)

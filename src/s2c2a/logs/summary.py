@@ -87,7 +87,8 @@ def verdict(imported: Imported) -> str:
     unsupported = "pressures below zero are not supported"
     if is_vacuum and np.median(lowest) < 0.0:
         return f"not usable ({unsupported})"
-    doubts = ", ".join(text.split(":")[0] for text in imported.ambiguities)
+    names = (text.split(":")[0] for text in imported.ambiguities)
+    doubts = ", ".join(dict.fromkeys(names))
     reasons = {
         unsupported: is_vacuum,
         missed: imported.poor_fit,

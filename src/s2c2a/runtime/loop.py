@@ -184,7 +184,7 @@ class Loop:
         if self._stopped:
             raise S2C2AError(self.fault)
         if not isinstance(request, StepRequest):
-            raise TargetError(f"a step needs StepRequest(goal), got {request!r:.99}")
+            raise TargetError(f"tick() needs StepRequest(goal), got {request!r:.99}")
         if request.goal is not None:
             check_goal(request.goal, self.arm)
         moment, delay = self._wait()
