@@ -14,7 +14,7 @@ from statistics import median, quantiles
 ROOT = Path(__file__).parents[1]
 FILES = sorted([*(ROOT / "src").rglob("*.py"), *(ROOT / "experiments").rglob("*.py")])
 WINGS = ("lab", "logs", "live", "integrations")
-MAX_CORE = 23469
+MAX_CORE = 23466
 """Code lines of the core; it only falls, and the aim is 20,000."""
 MAX_NUMBERS = 507
 """Numbers of the core that decide, ranges of keys in files among them; the aim is 400."""

@@ -98,7 +98,7 @@ class ChainC2S(ForwardModel):
             per_kg = self._moments_of(self._tip_mass, loaded.bends, lengths)
             return disturbances.payload * per_kg, per_kg
 
-        first = (before.moments, jnp.zeros_like(before.moments))
+        first = (before.moments, before.moments)  # the second is replaced
         moments, per_kg = jax.lax.fori_loop(0, PAYLOAD_ITERATIONS, iterate, first)
         return disturbances._replace(moments=moments, moments_per_kg=per_kg)
 
@@ -221,11 +221,11 @@ class ChainC2S(ForwardModel):
             mixed = (own.reshape(*own.shape[:-2], -1) @ self.mixing).reshape(own.shape)
             shares = (self.body.taut_compliances / self.body.compliances)[:, None]
 
-            def own(bends: Bends) -> Bends:
+            def by_weights(bends: Bends) -> Bends:
                 return self._moments_of(self.body.weights, bends, self.body.lengths)
 
             # the map knows the weights of an arm without payload, not how they sag under it
-            sagging = own(mixed + shares * moments) - own(mixed)
+            sagging = by_weights(mixed + shares * moments) - by_weights(mixed)
             bends = self.body.softness[:, None] * (mixed + shares * (moments + sagging))
             zeros = jnp.zeros_like(bends)
             pulls = jnp.zeros_like(transmitted)
