@@ -105,7 +105,8 @@ def _validation_rms(
     samples = forward_samples(predicted, training.states, training.lengths).validation
     differences = samples.inputs["configurations"] - samples.targets
     errors = MM * differences[:, -1, POSITION]
-    return float(np.sqrt(np.nanmean(np.sum(errors**2, axis=-1))))
+    squares = np.sum(errors**2, axis=-1)
+    return float(np.sqrt(np.nanmean(squares)))
 
 
 def tip_errors(

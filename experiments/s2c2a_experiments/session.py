@@ -74,7 +74,8 @@ class Day(NamedTuple):
     def drawn(cls, number: int, arm: ArmSpec) -> "Day":
         """A day with changes of the size that the priors of a session expect."""
         random = np.random.default_rng([number, 44])
-        shift, turn = np.linalg.norm(random.normal(size=(2, 3)), axis=-1)
+        vectors = random.normal(size=(2, 3))
+        shift, turn = np.linalg.norm(vectors, axis=-1)
         homing = abs(float(random.normal(scale=CABLE)))
         softness = random.normal(scale=SOFTNESS, size=arm.module_count)
         frame = TRANSLATION * float(shift), ROTATION * float(turn)

@@ -181,7 +181,8 @@ class ControlStep:
 
 def _is_known(values: Array, example: np.ndarray) -> Bool[Array, ""]:
     """Whether values are finite, or NaN where NaN means that they are not known."""
-    return (jnp.isfinite(values) | (jnp.isnan(values) & jnp.isnan(example))).all()
+    unknown = jnp.isnan(values) & jnp.isnan(example)
+    return (jnp.isfinite(values) | unknown).all()
 
 
 class EstimatorFunctions(NamedTuple):

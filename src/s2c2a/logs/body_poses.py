@@ -23,7 +23,8 @@ def stacked(table: Table, columns: Sequence[str]) -> np.ndarray:
 def vectors_of(table: Table, columns: Sequence[str]) -> np.ndarray:
     """Vectors, shape (rows, 3); z is zero where the log has a plane alone."""
     values = stacked(table, columns)
-    return np.pad(values, [(0, 0), (0, 3 - values.shape[1])])
+    missing = 3 - values.shape[1]
+    return np.pad(values, [(0, 0), (0, missing)])
 
 
 def positions_of(table: Table, body: Body) -> np.ndarray:

@@ -95,11 +95,12 @@ def _typical_change_deg(arm: ArmSpec, commands: Commands, order: int) -> float:
     """Size of the differences of some order that most moving rows stay below [deg]."""
     limits = CommandLimits.of(arm)
     bends = ArmGeometry.of(arm).action_bends[:, None]
-    sizes = [
-        (limits.change_sizes(np.diff(segment, order, axis=0)) * bends).max(axis=(1, 2))
+    changes = [
+        limits.change_sizes(np.diff(segment, order, axis=0))
         for segment in commands
         if len(segment) > order
     ]
+    sizes = [(change * bends).max(axis=(1, 2)) for change in changes]
     largest = np.concatenate([*sizes, np.zeros(0)])
     moving = largest[largest > MIN_STEP]
     return float(np.rad2deg(np.quantile(moving, TYPICAL))) if len(moving) else 0.0

@@ -22,7 +22,8 @@ def interpolate(
     columns = [
         _interpolate_channel(time, channel, samples, limit) for channel in channels
     ]
-    return np.stack(columns, axis=1).reshape(len(samples), *values.shape[1:])
+    shape = len(samples), *values.shape[1:]
+    return np.stack(columns, axis=1).reshape(shape)
 
 
 def _interpolate_channel(

@@ -157,7 +157,8 @@ def free_scale(positions: Ends) -> float:
 def rms_motion(positions: Ends) -> float:
     """Rms distance of the ends from their mean [m]."""
     centered = positions - np.nanmean(positions, axis=0)
-    return float(np.sqrt(np.nanmean(np.sum(centered**2, axis=-1))))
+    squares = np.sum(centered**2, axis=-1)
+    return float(np.sqrt(np.nanmean(squares)))
 
 
 def missed_share(fit: CableFit, observations: Observations) -> float:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from s2c2a.arm import ArmGeometry, arm_from_toml
+from s2c2a.arm import ArmGeometry, Cable, arm_from_toml
 from s2c2a.data import Recording, episode_actions
 from s2c2a.episodes import Episode
 from s2c2a.errors import RecordingError, S2C2AError
@@ -170,6 +170,20 @@ def test_the_fit_of_shortening_starts_at_an_arm_that_hardly_shortens(twin):
     assert stiffness == pytest.approx(20 * 0.125 / 0.027**2)
     assert len(unknowns_of(stated, ("shortening",))) == 3
     assert with_default_starts(stated, ("shortening",)) == stated
+
+
+def test_the_fit_of_cables_starts_where_they_yield_unless_their_stiffness_is_stated(
+    twin,
+):
+    assert with_default_starts(twin, ("cables",)) == twin
+    modules = tuple(
+        module.model_copy(update={"cable": Cable()}) for module in twin.modules
+    )
+    silent = twin.model_copy(update={"modules": modules})
+    assert with_default_starts(silent, ("shortening",)).modules[0].cable == Cable()
+    first = with_default_starts(silent, ("cables",)).modules[0]
+    bend = first.cable.stiffness * first.cable_radius**2 * first.length
+    assert bend / first.bending_stiffness == pytest.approx(4.0)
 
 
 def test_every_fifth_block_of_25_rows_and_first_rows_are_held_out(start):

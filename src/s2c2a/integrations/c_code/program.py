@@ -189,7 +189,8 @@ class Program:
         return "\n".join(calls)
 
     def _given(self) -> list[str]:
-        names = [part.split("*")[-1].strip() for part in self._parameters.split(",")]
+        parameters = self._parameters.split(",")
+        names = [parameter.split("*")[-1].strip() for parameter in parameters]
         return [*WORKSPACES.values(), *names]
 
     def _arguments(self, loops: tuple[str, ...]) -> str:

@@ -201,7 +201,8 @@ class VideoStage:
 
     def _draw_line(self, points: Points, color: str, zorder=BEHIND, **style) -> None:
         finite = points[np.isfinite(points).all(axis=-1)]
-        self._axes.plot(*self._world(finite).T, color=color, zorder=zorder, **style)
+        places = self._world(finite).T
+        self._axes.plot(*places, color=color, zorder=zorder, **style)
 
     def _write(self, position, text: str) -> None:
         place = self._world(position)

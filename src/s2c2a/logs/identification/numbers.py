@@ -13,6 +13,7 @@ from s2c2a.arm import ArmSpec
 from s2c2a.arm.fields import FORCE, LENGTH, LOST_MOTION, MASS, RIGIDITY
 from s2c2a.errors import S2C2AError, did_you_mean
 from s2c2a.files.text import LARGEST
+from s2c2a.models.statics import INITIAL_STIFFNESS
 
 Path = tuple[str | int, ...]
 EACH = "*"
@@ -190,20 +191,20 @@ class Unknown:
 def with_default_starts(arm: ArmSpec, groups: Iterable[str]) -> ArmSpec:
     """Arm with a start for numbers that a group fits and its file lacks.
 
-    This is the axial stiffness, which starts at that of an arm that hardly shortens.
+    The axial stiffness starts at that of an arm that hardly shortens, and that of cables
+    where training starts: no fit leaves cables that hardly yield.
     """
-    if "shortening" not in groups:
-        return arm
     table = arm.model_dump(mode="json")
     for module, values in zip(arm.modules, table["modules"], strict=True):
-        if module.mismatch.axial_stiffness is not None:
-            continue
-        stiffness = (
-            STIFF_AXIAL_RATIO * module.bending_stiffness / module.cable_radius**2
-        )
-        stiffness = np.clip(stiffness, MIN_AXIAL_STIFFNESS, MAX_AXIAL_STIFFNESS)
-        mismatch = values.setdefault("mismatch", {})
-        mismatch["axial_stiffness"] = float(stiffness)
+        tension = module.bending_stiffness / module.cable_radius**2  # EI / r^2
+        if "shortening" in groups and module.mismatch.axial_stiffness is None:
+            stiff = STIFF_AXIAL_RATIO * tension
+            stiff = np.clip(stiff, MIN_AXIAL_STIFFNESS, MAX_AXIAL_STIFFNESS)
+            values.setdefault("mismatch", {})["axial_stiffness"] = float(stiff)
+        if "cables" in groups and "stiffness" not in module.cable.model_fields_set:
+            yielding = INITIAL_STIFFNESS * tension / module.length
+            yielding = np.clip(yielding, 50, module.cable.stiffness)
+            values.setdefault("cable", {})["stiffness"] = float(yielding)
     return ArmSpec.model_validate(table)
 
 
