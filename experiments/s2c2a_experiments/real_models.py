@@ -170,8 +170,8 @@ def _ridge_regression(
     length = width * np.sqrt(inputs.shape[1])
 
     def kernel(values: np.ndarray) -> np.ndarray:
-        squares = (values**2).sum(1)[:, None]
-        squares = squares + (points**2).sum(1)
+        own = (values**2).sum(1)[:, None]
+        squares = own + (points**2).sum(1)
         distances = squares - 2.0 * values @ points.T
         return np.exp(-distances / (2.0 * length**2))
 

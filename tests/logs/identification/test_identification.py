@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from s2c2a.arm import ArmGeometry, Cable, arm_from_toml
+from s2c2a.arm import ArmGeometry, Cable, arm_from_toml, load_arm
 from s2c2a.data import Recording, episode_actions
 from s2c2a.episodes import Episode
 from s2c2a.errors import RecordingError, S2C2AError
@@ -184,6 +184,13 @@ def test_the_fit_of_cables_starts_where_they_yield_unless_their_stiffness_is_sta
     first = with_default_starts(silent, ("cables",)).modules[0]
     bend = first.cable.stiffness * first.cable_radius**2 * first.length
     assert bend / first.bending_stiffness == pytest.approx(4.0)
+
+
+@pytest.mark.parametrize("name", ["pneumatic_arm", "simulated_arm"])
+def test_a_number_that_no_fit_shows_keeps_the_value_of_the_file(name):
+    arm = load_arm(name)
+    assert arm.actuation != "displacement"
+    assert with_default_starts(arm, ("cables",)) == arm
 
 
 def test_every_fifth_block_of_25_rows_and_first_rows_are_held_out(start):

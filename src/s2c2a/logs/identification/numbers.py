@@ -20,6 +20,7 @@ EACH = "*"
 # EA over EI / radius^2 of an arm that hardly shortens; a solid rod whose radius is that
 # of its cables has 4
 STIFF_AXIAL_RATIO = 20.0
+MIN_STIFFNESS = 50.0  # N/m, of cables; what an arm file allows
 MIN_AXIAL_STIFFNESS = 10.0  # N
 MAX_AXIAL_STIFFNESS = 1e7  # N
 
@@ -60,7 +61,7 @@ KINDS = (
     # components of the logarithm
     Kind("axes", "modules.*.mismatch.stiffness_ratio.*", 0.2, -2.3, 2.3),
     Kind("hardening", "modules.*.mismatch.hardening", 0.3, 0, 5),
-    Kind("cables", "modules.*.cable.stiffness", 1.0, 50, 1e6, ratio=True),
+    Kind("cables", "modules.*.cable.stiffness", 1.0, MIN_STIFFNESS, 1e6, ratio=True),
     Kind("cables", "modules.*.pretension", 20.0, 0, FORCE.high),
     Kind("routing", "modules.*.cable_angles_deg.*", 10.0, -LARGEST, LARGEST),
     Kind("routing", "modules.*.cable_radius", 0.2, LENGTH.low, LENGTH.high, ratio=True),
@@ -195,15 +196,17 @@ def with_default_starts(arm: ArmSpec, groups: Iterable[str]) -> ArmSpec:
     where training starts: no fit leaves cables that hardly yield.
     """
     table = arm.model_dump(mode="json")
+    has_cables = "cables" in groups and arm.actuation == "displacement"
     for module, values in zip(arm.modules, table["modules"], strict=True):
         tension = module.bending_stiffness / module.cable_radius**2  # EI / r^2
         if "shortening" in groups and module.mismatch.axial_stiffness is None:
             stiff = STIFF_AXIAL_RATIO * tension
             stiff = np.clip(stiff, MIN_AXIAL_STIFFNESS, MAX_AXIAL_STIFFNESS)
             values.setdefault("mismatch", {})["axial_stiffness"] = float(stiff)
-        if "cables" in groups and "stiffness" not in module.cable.model_fields_set:
+        stated = module.cable.model_fields_set
+        if has_cables and "stiffness" not in stated:
             yielding = INITIAL_STIFFNESS * tension / module.length
-            yielding = np.clip(yielding, 50, module.cable.stiffness)
+            yielding = np.clip(yielding, MIN_STIFFNESS, module.cable.stiffness)
             values.setdefault("cable", {})["stiffness"] = float(yielding)
     return ArmSpec.model_validate(table)
 
